@@ -55,7 +55,7 @@ def test_a_pair_left_out_and_frames_of_another_form_are_refused(tmp_path: Path) 
     pairs, score = corpus(), scorer()
     chosen = protocol.choose(pairs, "random", "train")
     predictions.write(protocol.make_answer(pairs, Fake(pairs)), chosen, tmp_path / "made")
-    numbers = set(chosen.numbers)
+    numbers = set(chosen.pair_numbers)
     with pytest.raises(SystemExit, match="expected each of"):
         score.read_predictions(tmp_path / "made", numbers | {10**6}, 159)
     with pytest.raises(SystemExit, match="expected finite numbers"):

@@ -65,7 +65,7 @@ def test_a_template_takes_times_from_files_and_lines_from_rows(tmp_path: Path) -
     )
     assert text.splitlines() == [
         "| LSTM | one-by-one | transition | 2.3 | 1.3 | 0.50 |",
-        f"| LSTM | {published.EQUAL} | {tables.HERE} | 0.990 | 0.250 | 0.9800 | 0.0016 | 0.500 | - | 0.800 | - |",
+        f"| LSTM | {published.EQUAL} | {tables.ON_SPLIT} | 0.990 | 0.250 | 0.9800 | 0.0016 | 0.500 | - | 0.800 | - |",
         f"| LpTransformer | {published.EQUAL} | {tables.ON_MANY} | "
         "0.990 | 0.600 | 0.9800 | 0.0016 | 0.500 | 0.800 | - | - |",
     ]

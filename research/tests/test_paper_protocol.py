@@ -118,7 +118,7 @@ def test_a_fixed_choice_of_many_pairs_is_put_onto_a_skeleton(monkeypatch: pytest
     some = [protocol.judge(answer, pairs, chosen) for _ in range(2)]
     assert len(looked_at) == 8, "as it is and with bones kept, of two pairs, twice"
     assert looked_at[:4] == looked_at[4:]
-    assert {judged.n_pairs for judged in some} == {len(chosen.numbers)}
+    assert {judged.n_pairs for judged in some} == {len(chosen.pair_numbers)}
     assert some[0].scores["accuracy"] == whole["accuracy"], "of all pairs"
 
 
@@ -126,14 +126,14 @@ def test_the_choice_of_pairs_is_fixed_and_in_the_signature() -> None:
     pairs = corpus()
     whole = protocol.choose(pairs, "random", "train")
     some = protocol.choose(pairs, "random", "train", limit=4)
-    assert len(some.numbers) == 4
-    assert set(some.numbers) < set(whole.numbers)
+    assert len(some.pair_numbers) == 4
+    assert set(some.pair_numbers) < set(whole.pair_numbers)
     assert some == protocol.choose(pairs, "random", "train", limit=4)
     assert some.signature != whole.signature
     assert pairs.head["hash"] in some.signature
     assert [p.split for p in judge(pairs).choose_protocols()] == list(SPLITS)
     assert set(protocol.SPLITS) - set(SPLITS) == {"unseen-both"}, "which this corpus has not"
-    assert protocol.choose(pairs, "unseen-signer").numbers == tuple(pairs.split("unseen-signer", "test"))
+    assert protocol.choose(pairs, "unseen-signer").pair_numbers == tuple(pairs.split("unseen-signer", "test"))
     with pytest.raises(InputError, match="no split other test"):
         protocol.choose(pairs, "other")
     with pytest.raises(InputError, match="no pair in unseen-words valid"):

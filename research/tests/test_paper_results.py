@@ -191,7 +191,10 @@ def test_a_bundle_of_another_corpus_is_missing(tmp_path: Path) -> None:
     assert plan.find_missing(planned, tmp_path)[0] == planned[0], "a broken one is trained again"
 
 
-def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("changed", ["package/code.py", "src/code.py", "workshop/src/code.py"])
+def test_a_commit_is_marked_where_the_sources_differ_from_it(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def git(*call: str) -> str:
         author = ["-c", "user.name=a", "-c", "user.email=a@b"]
         return subprocess.run(
@@ -200,8 +203,9 @@ def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, mo
 
     monkeypatch.delenv("SIGNSPLICE_COMMIT", raising=False)
     package = tmp_path / "package"
-    package.mkdir()
-    (package / "code.py").write_text("1")
+    for folder in (package, tmp_path / "src", tmp_path / "workshop" / "src"):
+        folder.mkdir(parents=True)
+        (folder / "code.py").write_text("1")
     (tmp_path / "results.json").write_text("1")
     git("init", "-q")
     git("add", ".")
@@ -211,7 +215,7 @@ def test_a_commit_is_marked_where_the_package_differs_from_it(tmp_path: Path, mo
     (tmp_path / "results.json").write_text("2")
     (package / "scratch.txt").write_text("not tracked")
     assert environment.read_commit(package) == head, "results that are being written are no code"
-    (package / "code.py").write_text("2")
+    (tmp_path / changed).write_text("2")
     assert environment.read_commit(package) == f"{head}+"
     (tmp_path / "installed").mkdir()
     assert environment.read_commit(tmp_path / "installed") == "", "inside the repository of something else"

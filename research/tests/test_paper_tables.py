@@ -13,7 +13,7 @@ from signsplice.errors import InputError
 from signsplice_paper import layout, published, tables
 from signsplice_paper.layout import Table
 from signsplice_paper.results import CLASSICAL, FITTED, MEAN, SHIPPED, ResultRow, Results
-from signsplice_paper.tables import HERE, ON_MANY, PRINTED
+from signsplice_paper.tables import ON_MANY, ON_SPLIT, PAPERS_FIGURES
 from toys import of_rows, row
 
 DESIGN = """
@@ -63,15 +63,15 @@ def test_the_table_has_the_printed_and_the_measured_scores() -> None:
     assert made is not None
     shown = {tuple(line[:2]): dict(zip(made.head, line, strict=True)) for line in made.rows}
     for name, values in (published.TABLE_1 | published.TABLE_3).items():
-        printed = shown[published.get_display_name(name), PRINTED]
+        printed = shown[published.get_display_name(name), PAPERS_FIGURES]
         condition = published.EQUAL if name in (*published.RIVALS, *published.ABLATIONS) else published.AS_PRINTED
         measured = shown[published.get_display_name(name), condition]
         for metric, value in zip(published.METRICS, values, strict=True):
             if metric in tables.ON_PAGE:
                 assert printed[metric] == measured[metric] == value
-    whole = shown["LpTransformer", PRINTED]
+    whole = shown["LpTransformer", PAPERS_FIGURES]
     assert (whole["Accuracy"], whole["MSE"], whole["both exact"]) == ("0.99", "0.0015", "-")
-    assert shown["LSTM", PRINTED]["Accuracy"] == "-", "it is printed of no rival"
+    assert shown["LSTM", PAPERS_FIGURES]["Accuracy"] == "-", "it is printed of no rival"
     words = tables.make_table(of_rows(system("lstm", split="unseen-words")), "cpu", "unseen-words")
     assert words is not None
     assert [line[1] for line in words.rows] == [published.EQUAL], "the paper judged one split"
@@ -83,12 +83,12 @@ def test_seeds_are_shown_with_their_mean_and_range() -> None:
     assert one.score("paa") == pytest.approx(0.8)
     assert one.format_cell("paa") == "0.800 [0.700, 0.900]"
     assert one.format_cell("mse", tables.SHORT) == "0.0016 [0.0016, 0.0016]"
-    assert one.seeds == 3
+    assert one.n_seeds == 3
     assert tables.find_line(of_rows(system("lpt-plus")), "cpu", "lpt-plus", "random").format_cell("paa") == "0.900", (
         "one seed has no range"
     )
     unknown = tables.find_line(found, "cpu", "lstm", "random")
-    assert (unknown.seeds, unknown.format_cell("paa")) == (0, "-")
+    assert (unknown.n_seeds, unknown.format_cell("paa")) == (0, "-")
     assert math.isnan(unknown.score("paa"))
 
 
@@ -125,22 +125,22 @@ def test_lines_are_apart_by_condition_optimiser_and_what_was_taught() -> None:
     ]
     found = of_rows(*rows)
     assert [
-        (one.system, one.condition, one.taught, one.seeds) for one in tables.list_lines(found, "cpu", "random")
+        (one.system, one.condition, one.taught, one.n_seeds) for one in tables.list_lines(found, "cpu", "random")
     ] == [
-        ("LSTM", published.EQUAL, HERE, 1),
-        ("LpTransformer", published.AS_PRINTED, HERE, 2),
-        ("LpTransformer", f"{published.AS_PRINTED}, SGD", HERE, 1),
-        ("LpTransformer", published.EQUAL, HERE, 2),
-        ("LPT+", published.EQUAL, HERE, 1),
-        ("LPT-WA", published.EQUAL, HERE, 1),
+        ("LSTM", published.EQUAL, ON_SPLIT, 1),
+        ("LpTransformer", published.AS_PRINTED, ON_SPLIT, 2),
+        ("LpTransformer", f"{published.AS_PRINTED}, SGD", ON_SPLIT, 1),
+        ("LpTransformer", published.EQUAL, ON_SPLIT, 2),
+        ("LPT+", published.EQUAL, ON_SPLIT, 1),
+        ("LPT-WA", published.EQUAL, ON_SPLIT, 1),
         ("LpTransformer", published.EQUAL, ON_MANY, 1),
         ("commonest-cut+ridge", "given nothing", "-", 1),
         ("mean transition", "given nothing", "-", 1),
         ("learned-fluent+learned", "given nothing", "-", 1),
     ]
     assert tables.find_line(found, "cpu", published.LPTRANSFORMER, "random", ON_MANY).score("paa") == 0.4
-    assert tables.find_line(found, "cpu", published.PRINTED, "random", optimiser="sgd").seeds == 1
-    assert tables.find_line(found, "cpu", "mean-transition", "random").seeds == 1
+    assert tables.find_line(found, "cpu", published.PRINTED, "random", optimiser="sgd").n_seeds == 1
+    assert tables.find_line(found, "cpu", "mean-transition", "random").n_seeds == 1
 
 
 @pytest.mark.parametrize("field", ["metrics_id", "protocol", "corpus"])
@@ -162,7 +162,7 @@ def test_the_csv_has_every_line_of_every_split_with_all_columns() -> None:
     assert [line["split"] for line in lines[-2:]] == ["unseen-words", "unseen-both"]
     assert {title for _, _, title in tables.COLUMNS} <= set(lines[0])
     lstm = next(line for line in lines if (line["split"], line["system"]) == ("random", "LSTM"))
-    assert (lstm["seeds"], lstm["steps"], lstm["taught on"]) == ("2", "100/300", HERE)
+    assert (lstm["seeds"], lstm["steps"], lstm["taught on"]) == ("2", "100/300", ON_SPLIT)
     one = tables.find_line(found, "cpu", "lstm", "random")
     assert [lstm[title] for _, _, title in tables.COLUMNS] == [
         one.format_cell(name, d) for name, d, _ in tables.COLUMNS
@@ -176,10 +176,10 @@ def test_the_page_shows_the_tables_of_all_splits_that_have_rows() -> None:
     assert "**random: 3 test pairs**" in text
     assert "**unseen-signer: 7 test pairs**" in text
     assert "unseen-words" not in text
-    assert ["LPT+", published.EQUAL, HERE] in [line[:3] for line in cells(text)]
+    assert ["LPT+", published.EQUAL, ON_SPLIT] in [line[:3] for line in cells(text)]
     named = tables.make_table(of_rows(*paper_rows()), "cpu", "random", ["lstm"])
     assert named is not None
-    measured = [line for line in named.rows if line[1] != PRINTED]
+    measured = [line for line in named.rows if line[1] != PAPERS_FIGURES]
     assert [line[0] for line in measured] == ["LSTM"]
     assert tables.make_table(Results(), "cpu", "random") is None
     assert tables.make_table(of_rows(*paper_rows()), "cpu", "random", ["nobody"]) is None

@@ -100,7 +100,7 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
 
 @pytest.mark.parametrize("gloss", ["PLEASE", "FRIEND"])
 def test_vertices_of_hands_lie_where_skins_met_at_the_source(folder: Path, gloss: str) -> None:
-    rows = avatar_measures.compare([ss.read_avatar(folder / "narrow.vrm")], [open_shipped_lexicon().clip(gloss)])
+    rows = avatar_measures.measure_words([ss.read_avatar(folder / "narrow.vrm")], [open_shipped_lexicon().clip(gloss)])
     assert sum(row.n_touching for row in rows) > 10
     assert all(row.kept is None or row.kept > 0.95 for row in rows), rows
     assert max(row.deepest for row in rows) < 0.005

@@ -133,9 +133,9 @@ def test_a_run_makes_only_what_is_missing_or_not_whole(made: tuple[Path, BulkJob
     (out / "index" / "000000.parquet").unlink()
     (out / "shard-000002.tar").write_bytes(whole["shard-000002.tar"][:-512])
     (out / "summary.json").write_text("of the files that are missing now")
-    states: list[run.Progress] = []
+    states: list[run.RunProgress] = []
 
-    def advance(state: run.Progress) -> None:
+    def advance(state: run.RunProgress) -> None:
         states.append(state)
         assert len(states) == 1 or not (out / "summary.json").exists()
 
@@ -293,7 +293,7 @@ def test_a_call_that_waited_for_one_that_was_refused_begins_anew(tmp_path: Path)
 def test_a_call_that_is_interrupted_leaves_whole_shards_alone(tmp_path: Path) -> None:
     out = tmp_path / "out"
 
-    def interrupt(state: run.Progress) -> None:
+    def interrupt(state: run.RunProgress) -> None:
         if state.n_done >= 2:
             (out / f".signsplice-{0:016x}.tar").write_bytes(b"of a worker that was killed")
             raise KeyboardInterrupt

@@ -115,6 +115,13 @@ def test_hair_skirts_and_accessories_are_no_skin(tmp_path: Path, broad: Avatar) 
     assert line == "b: holds no mesh that its bones carry; its body gets the usual proportions"
 
 
+def test_a_mesh_part_without_indices_is_told(tmp_path: Path, broad: Avatar) -> None:
+    path = written(tmp_path, broad)
+    path.write_bytes(b'"unknown"'.join(path.read_bytes().rsplit(b'"indices"', 1)))  # of the skirt
+    (line,) = ss.read_avatar(path).warnings
+    assert line == f"{path.stem}: holds 1 mesh part without indexed triangles, not read"
+
+
 def test_a_part_with_few_vertices_keeps_the_usual_proportions(tmp_path: Path, broad: Avatar) -> None:
     assert broad.body is not None
     parts = [p for p, part in zip(avatars.tubes(broad), broad.body.parts, strict=True) if part in ("sleeve", "shirt")]

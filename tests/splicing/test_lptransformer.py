@@ -134,9 +134,13 @@ def test_culling_keeps_frames_beside_the_positions_and_repeats_edges() -> None:
             cull(before, after, pre, post, fr)
 
 
-def test_a_bundle_without_a_rate_is_refused() -> None:
+def test_a_bundle_without_a_rate_or_a_longest_transition_is_refused() -> None:
     system = open_system("lpt-plus")
     assert isinstance(system, LpTransformer)
     stored = {key: value for key, value in system.graphs.config.stored.items() if key != "fps"}
     with pytest.raises(InputError, match="fps"):
+        LpTransformer(Sessions(WEIGHTS, config_of(stored, WEIGHTS / BUNDLE_FILE)))
+    stored = dict(system.graphs.config.stored)
+    stored["runs"] = {key: value for key, value in stored["runs"].items() if key != "most_frames"}
+    with pytest.raises(InputError, match=r"bundle\.json: .* \(it has no 'most_frames'\); export the system anew$"):
         LpTransformer(Sessions(WEIGHTS, config_of(stored, WEIGHTS / BUNDLE_FILE)))

@@ -99,7 +99,7 @@ def test_thumbs_make_way_for_fingers(gloss: str) -> None:
     assert finger_in_thumb(body, *capsules.capsule_ends(body, *kinematics.forward(one.clip[inside]))).max() < 0.5
 
 
-def test_the_smoothest_choices_are_those_of_least_cost() -> None:
+def test_no_other_choices_cost_less() -> None:
     rng = np.random.default_rng(5)
     costs, changes = rng.random((5, 3)), rng.random((4, 3, 3))
 
@@ -107,7 +107,7 @@ def test_the_smoothest_choices_are_those_of_least_cost() -> None:
         return float(costs[range(5), choice].sum() + sum(changes[n][choice[n : n + 2]] for n in range(4)))
 
     best = min(product(range(3), repeat=5), key=total)
-    assert tuple(swivel.smoothest(costs, changes)) == best
+    assert tuple(swivel.least_cost_choices(costs, changes)) == best
 
 
 def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
@@ -116,9 +116,9 @@ def test_finer_steps_turn_an_elbow_no_farther_than_it_must() -> None:
         frames * [0.0, 0.0, 0.0], frames * [0.0, -0.25, 0.1], frames * [0.0, 0.0, 0.3], np.array([0.04, 0.03])
     )
     beside = np.array([-0.055, -0.14, 0.2])
-    solid = swivel.Solid(
+    obstacles = swivel.Obstacles(
         (frames * beside)[:, None], (frames * beside)[:, None] + [0.0, 0.0, 0.01], np.full((1, 2), 0.03)
     )
     free = np.zeros((30, 1))
-    coarse, fine = (swivel.choose(arm, solid, free, 30.0, *grid) for grid in ((), (arms.CLEARING_TURNS,)))
+    coarse, fine = (swivel.choose(arm, obstacles, free, 30.0, *grid) for grid in ((), (arms.CLEARING_TURNS,)))
     assert 0.0 < np.abs(fine).max() < np.abs(coarse).max()

@@ -44,7 +44,7 @@ def test_some_frames_are_posed_as_among_all_and_arms_may_be_given() -> None:
     turned = word.states[some].copy()
     turned[:, pose.TURNS] += 0.5  # of no effect where arms are given
     whole = figure.pose_arms(word.states).capsules.ends
-    part = figure.pose_arms(turned, some, pose.solve_arms_and_wrists(word.states[some], STANDARD)).capsules.ends
+    part = figure.pose_arms(turned, some, pose.solve_arms_and_angles(word.states[some], STANDARD)).capsules.ends
     assert np.abs(whole[some] - part).max() < 1e-9
 
 

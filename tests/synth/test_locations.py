@@ -135,13 +135,13 @@ def clip_of(strong: FloatArray, weak: FloatArray, signer: Signer) -> Clip:
 def unlimited(hand_state: FloatArray, signer: Signer) -> bool:
     """Whether no limit of wrist, forearm or reach is near, so that the hand is exactly as its state has it."""
     arm = pose.solve_arm(hand_state[pose.WRIST], signer)
-    wrist = pose.wrist_angles(arm, hand_state[pose.ROTVEC], signer)
+    angles = pose.arm_angles(arm, hand_state[pose.ROTVEC], signer)
     (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
     return bool(
         0.64 < arm.bend < 2.45
-        and low_side + 0.15 < wrist.deviation < high_side - 0.15
-        and low_bent + 0.15 < wrist.flexion < high_bent - 0.15
-        and abs(wrist.twist) < pose.FOREARM_LIMIT - 0.15
+        and low_side + 0.15 < angles.deviation < high_side - 0.15
+        and low_bent + 0.15 < angles.flexion < high_bent - 0.15
+        and abs(angles.twist) < pose.FOREARM_LIMIT - 0.15
     )
 
 

@@ -68,11 +68,11 @@ def test_a_hand_away_from_limits_has_exactly_its_rotation_of_its_state(seed: int
     signer = replace(signer_of(seed), left_handed=False)
     states = easy_states(300, signer, seed=5)
     hands = pose.hands(states)
-    wrist = pose.wrist_angles(pose.solve_arm(hands[..., pose.WRIST], signer), hands[..., pose.ROTVEC], signer)
+    angles = pose.arm_angles(pose.solve_arm(hands[..., pose.WRIST], signer), hands[..., pose.ROTVEC], signer)
     (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
-    free = np.abs(wrist.twist) < pose.FOREARM_LIMIT - 0.15
-    free &= (wrist.deviation > low_side + 0.15) & (wrist.deviation < high_side - 0.15)
-    free &= (wrist.flexion > low_bent + 0.15) & (wrist.flexion < high_bent - 0.15)
+    free = np.abs(angles.twist) < pose.FOREARM_LIMIT - 0.15
+    free &= (angles.deviation > low_side + 0.15) & (angles.deviation < high_side - 0.15)
+    free &= (angles.flexion > low_bent + 0.15) & (angles.flexion < high_bent - 0.15)
     assert 0.3 < free.mean() < 1.0
     found, _ = seen_from_chest(pose.clip(states, signer, 30.0), *HANDS)
     wanted = rotation.to_matrix(pose.hand_rotations(states, signer))

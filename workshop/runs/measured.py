@@ -19,10 +19,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from signsplice_workshop.measure.bodies import FITTED, ROTATIONS
-from signsplice_workshop.measure.measures import format_csv, format_table
+from signsplice_workshop.measure.measures import format_csv, format_measures, format_table
+from signsplice_workshop.measure.person import MEASURES
 from signsplice_workshop.measure.seams import STITCHER
 
 Figures = Mapping[str, Any]
@@ -368,6 +370,29 @@ def make_tempo_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Seq
     return lines, []
 
 
+def make_person_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object]]]:
+    """Returns the page of idle hands, head, trunk and face in sentences."""
+    rows = [SimpleNamespace(**row) for row in by_name["person"]["rows"]]
+    lines = [
+        *wrap_prose(f"""
+            - A hand drops to hang while the other signs {format_range((r.drops for r in rows), ".1f")} times a minute;
+              in captured signing 2.8 times.
+            - The head turns by {format_range((r.head_spread for r in rows), ".1f")} degrees rms, people's by 9 to 12.
+              The mouth moves in {100 * max(r.mouth for r in rows):.0f} % of the frames.
+            - A seam with an idle hand takes {format_range(r.idle_seam_s for r in rows)} s, another
+              {format_range(r.other_seam_s for r in rows)} s.
+        """),
+        "",
+        *format_measures(MEASURES, rows),
+        "",
+        *wrap_prose("""
+            Five sentences of seven words of each kind. What counts as idle, raised and hanging, and the figures of
+            captures, are in `measure/person.py`; `signsplice evaluate person --clips FILE` measures a recording.
+        """),
+    ]
+    return lines, []
+
+
 def make_bench_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Sequence[object]]]:
     """Returns the page of the speed of every part."""
     parts = {name: part for name, part in by_name["bench"].items() if isinstance(part, dict) and name != "made_with"}
@@ -397,6 +422,7 @@ TITLES = {
     "hidden-frames": "Hidden frames",
     "bodies": "Words on other bodies",
     "tempo": "Running tempo",
+    "person": "The rest of the person",
     "bench": "Speed",
 }
 PAGES = {
@@ -421,6 +447,7 @@ PAGES = {
         make_bodies_page,
     ),
     "tempo": Page({"tempo": "evaluate tempo 40 --json"}, {"tempo": "evaluate tempo 7 --json"}, make_tempo_page),
+    "person": Page({"person": "evaluate person 5 --json"}, {"person": "evaluate person 1 --json"}, make_person_page),
     "bench": Page({"bench": "bench --repeats 15 --json"}, {"bench": "bench --repeats 3 --json"}, make_bench_page),
 }
 

@@ -13,6 +13,8 @@ N_HEX = 12
 """Digits of a commit."""
 COPIED_FROM = "SIGNSPLICE_COMMIT"
 """Environment variable: the commit of a copy without a repository."""
+OTHER_SOURCES = (":/src", ":/workshop/src")
+"""Sources of signsplice and of the workshop, as git's paths from the top of the repository."""
 PACKAGES = ("signsplice", "numpy", "scipy", "onnxruntime")
 
 
@@ -22,13 +24,15 @@ def read_environment() -> dict[str, Any]:
 
 
 def read_commit(folder: Path | None = None) -> str:
-    """Returns the git revision of this code: 12 hex digits, and "+" if its tracked files differ from the revision.
+    """Returns the git revision of this code: 12 hex digits, and "+" if tracked files of this package, of signsplice or
+    of the workshop differ from the revision.
 
-    Files outside the package, such as results that are being written, do not count. Without a repository it is the
-    variable ``SIGNSPLICE_COMMIT``, for copies of the files alone, or empty.
+    folder: the sources of this package. Files outside the sources, such as results that are being written, do not
+    count. Without a repository it is the variable ``SIGNSPLICE_COMMIT``, for copies of the files alone, or empty.
     """
     directory = folder or Path(__file__).resolve().parents[1]
-    calls = (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no", "--", "."], ["ls-files", "."])
+    status = ["status", "--porcelain", "--untracked-files=no", "--", ".", *OTHER_SOURCES]
+    calls = (["rev-parse", "HEAD"], status, ["ls-files", "."])
     try:
         revision, changes, tracked = (
             subprocess.run(["git", *call], cwd=directory, capture_output=True, text=True, check=True, timeout=20).stdout

@@ -203,7 +203,7 @@ class Judge:
             if known_row is not None and all(not label or label in pair.made for pair in figure_pairs):
                 continue
             if prepare is not None:
-                prepare(p.numbers)
+                prepare(p.pair_numbers)
             with self.progress(f"{template.system}, {p.split}") as advance:
                 judged = protocol.judge(answer, self.pairs, p, advance)
             scores = judged.scores | ({} if score_others is None else score_others(p.split))

@@ -63,7 +63,9 @@ def make_label(system: str, scale: str, optimiser: str, given: str = "nothing") 
 def choose(pairs: Pairs, protocol: Protocol, count: int = COUNT) -> list[KeptFrames]:
     """Returns a fixed choice of judged pairs with transitions long enough to show, without frames made for them."""
     n_transition_frames = pairs.index[:, 5]
-    long_enough = [k for k in protocol.numbers if n_transition_frames[k] >= SHORTEST] or list(protocol.numbers)
+    long_enough = [k for k in protocol.pair_numbers if n_transition_frames[k] >= SHORTEST] or list(
+        protocol.pair_numbers
+    )
     order = stream("paper-shots", len(long_enough)).permutation(len(long_enough))[:count]
     return [_make_kept_frames(pairs, long_enough[k]) for k in order.tolist()]
 

@@ -28,7 +28,7 @@ from signsplice.formats.json_files import read_json
 from signsplice_paper import published, tables
 from signsplice_paper.protocol import SPLITS
 from signsplice_paper.results import Results
-from signsplice_paper.tables import HERE, ON_MANY, SHORT, TableLine, find_line, format_score
+from signsplice_paper.tables import ON_MANY, ON_SPLIT, SHORT, TableLine, find_line, format_score
 
 TEMPLATES = "templates"
 """Folder of templates, next to that of the results."""
@@ -113,7 +113,7 @@ def _format_summary(system_text: str, results: Results, scale: str) -> str:
 
 
 def _find_line(system_text: str, results: Results, scale: str) -> TableLine:
-    taught = ON_MANY if system_text.endswith("*") else HERE
+    taught = ON_MANY if system_text.endswith("*") else ON_SPLIT
     system, _, split = system_text.removesuffix("*").partition("@")
     system, _, optimiser = system.partition("~")
     return find_line(results, scale, system, split or "random", taught, optimiser or "adamw")

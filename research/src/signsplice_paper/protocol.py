@@ -41,21 +41,21 @@ class Protocol:
     - corpus: hash of the corpus
     - split: name of the split
     - part: train, valid or test
-    - numbers: the pairs' numbers
+    - pair_numbers: the pairs' numbers in the corpus
     - fps: frames per second of the corpus
     """
 
     corpus: str
     split: str
     part: str
-    numbers: tuple[int, ...]
+    pair_numbers: tuple[int, ...]
     fps: float
 
     @property
     def signature(self) -> str:
         """The protocol in one line; rows are comparable if it is the same."""
         return (
-            f"paper|corpus:{self.corpus}|split:{self.split}|part:{self.part}|pairs:{len(self.numbers)}|fps:{self.fps:g}"
+            f"paper|corpus:{self.corpus}|split:{self.split}|part:{self.part}|pairs:{len(self.pair_numbers)}|fps:{self.fps:g}"
             f"|batch:1|threads:1|clock:search+generation|warm-up:{WARM_UP}"
         )
 
@@ -65,8 +65,8 @@ class Judged:
     """A system's scores.
 
     - scores: by name: those of ``metrics``; of at most ``viewed.N_VIEWED`` pairs those of ``viewed``, and for systems
-      that give positions alone those of ``BONES`` with bones kept; ``ms_mean`` and ``ms_median`` of the time per pair,
-      and ``frames_ms``, the duration of the true transition
+      that give joint positions without rotations those of ``BONES`` with bones kept; ``ms_mean`` and ``ms_median`` of
+      the time per pair, and ``frames_ms``, the duration of the true transition
     - n_pairs: number of pairs judged
     """
 
@@ -89,8 +89,8 @@ def choose(pairs: Pairs, split: str, part: str = "test", limit: int | None = Non
 
 
 def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol, name: str = "bundle") -> None:
-    """Raises ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus, on another
-    training part than the split's, or on a pair that is judged.
+    """Raises ``InputError`` if a bundle must not be judged by a protocol: it was trained on another corpus (except one
+    to teach on), on another training part than the split's, or on a pair that is judged.
 
     trained_on: the ``corpus`` and ``split`` that it was trained on.
     """
@@ -106,10 +106,10 @@ def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protoco
         raise InputError(f"{name}: states no split that it was trained on, expected one of {', '.join(SPLITS)}")
     training_pairs = pairs.split(split, "train")
     seen_pairs = set(training_pairs) | set(pairs.split(split, "valid"))
-    if protocol.part == "test" and seen_pairs & set(protocol.numbers):
+    if protocol.part == "test" and seen_pairs & set(protocol.pair_numbers):
         raise InputError(
-            f"{name}: trained on split {split}, and {len(seen_pairs & set(protocol.numbers))} of the "
-            f"{len(protocol.numbers)} pairs of {protocol.split} {protocol.part} were seen in training"
+            f"{name}: trained on split {split}, and {len(seen_pairs & set(protocol.pair_numbers))} of the "
+            f"{len(protocol.pair_numbers)} pairs of {protocol.split} {protocol.part} were seen in training"
         )
     if training_pairs != pairs.split(protocol.split, "train"):
         raise InputError(
@@ -127,7 +127,7 @@ def may_judge(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protocol) -
 
 
 def make_answer(pairs: Pairs, system: System) -> Answer:
-    """Returns the predictor of a system that sees only the numbers: from a pair's number to its prediction."""
+    """Returns the predictor of a system that sees only joint coordinates: from a pair's number to its prediction."""
 
     def answer(number: int) -> Prediction:
         p, q = pairs.index[number, :2].tolist()
@@ -137,7 +137,7 @@ def make_answer(pairs: Pairs, system: System) -> Answer:
 
 
 def make_position_answer(pairs: Pairs, system: System) -> Callable[[int], Positions]:
-    """Returns the predictor of positions, without frames, of a system that sees only the numbers."""
+    """Returns the predictor of splice positions, without frames, of a system that sees only joint coordinates."""
 
     def predict_positions(number: int) -> Positions:
         p, q = pairs.index[number, :2].tolist()
@@ -153,14 +153,14 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     """
     layouts: dict[int, extra_metrics.NumberLayout] = {}
     viewer = viewed.Viewer(pairs)
-    order = stream("viewed", len(protocol.numbers)).permutation(len(protocol.numbers))[: viewed.N_VIEWED]
-    viewed_numbers = {protocol.numbers[k] for k in order.tolist()}
-    for number in protocol.numbers[:WARM_UP]:
+    order = stream("viewed", len(protocol.pair_numbers)).permutation(len(protocol.pair_numbers))[: viewed.N_VIEWED]
+    viewed_numbers = {protocol.pair_numbers[k] for k in order.tolist()}
+    for number in protocol.pair_numbers[:WARM_UP]:
         answer(number)
     scores: dict[str, list[metrics.PairScore]] = {"": [], "_bones": []}
     views: dict[str, list[viewed.PairView]] = {"": [], "_bones": []}
     seconds = []
-    for done, number in enumerate(protocol.numbers, 1):
+    for done, number in enumerate(protocol.pair_numbers, 1):
         p, q = pairs.index[number, :2].tolist()
         before, after = pairs.word(p).astype(np.float64), pairs.word(q).astype(np.float64)
         start = time.perf_counter()
@@ -180,7 +180,7 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
                 scores["_bones"].append(metrics.score(fitted, truth, (before, after), layouts[signer]))
                 views["_bones"].append(viewer.view(number, fitted))
         if progress is not None:
-            progress(done, len(protocol.numbers))
+            progress(done, len(protocol.pair_numbers))
     summary = metrics.summarise(scores[""]) | viewed.summarise(views[""])
     if scores["_bones"]:
         with_bones = metrics.summarise(scores["_bones"]) | viewed.summarise(views["_bones"])

@@ -62,7 +62,7 @@ def _format_rows(all_results: Results, scale: str) -> str:
         printed = dict(zip(published.METRICS, published.TABLE_1[system], strict=True))
         stated = (f"{published.ACCURACY}", f"{published.MSE}") if system == published.PRINTED else ("-", "-")
         cells = [printed[score] for score in ("BLEU-1", "BLEU-4", "PTA", "PAA")]
-        rows.append([published.get_display_name(system), tables.PRINTED, *cells, *stated])
+        rows.append([published.get_display_name(system), tables.PAPERS_FIGURES, *cells, *stated])
         for condition, name in by_condition.items():
             line = tables.find_line(all_results, scale, name, "random")
             rows.append(

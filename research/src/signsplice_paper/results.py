@@ -1,8 +1,7 @@
 """results.json, version 3: every measured row with the recipe that made it, and the curve of every training.
 
-A row's key names the judged system and its conditions: system, what it was given, what it was taught on, scale,
-optimiser, fr, seed, split and part. A new row replaces the row of the same key. A table holds only rows whose
-signatures agree.
+A row's key: the system (its name implies the condition), what it was given, what it was taught on, scale, optimiser,
+fr, seed, split and part. A new row replaces the row of the same key. A table holds only rows whose signatures agree.
 """
 
 from __future__ import annotations
@@ -34,28 +33,29 @@ GIVEN = ("nothing", "length", "positions", "positions and length")
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One system on one protocol.
+    """One system on one protocol. The paper's systems are those that ``signsplice-paper`` trains; other rows are of
+    methods on clips, of the mean transition and of fitted methods.
 
     - system: the system's or method's name
     - split: the split that is judged
     - scale: smoke, cpu or paper; ``CLASSICAL``, ``SHIPPED``, ``FITTED`` or ``MEAN`` for other rows
     - taught: hash of the corpus that it learned from, if that is another than the one judged on; else empty
-    - optimiser: adamw or sgd, empty for methods on clips
+    - optimiser: adamw or sgd; empty for rows other than the paper's systems
     - part: the part of the split that is judged
     - fr: frames that Culling keeps on each side, None without Culling
-    - seed: the training's seed, None for methods on clips
+    - seed: the training's seed, None for rows other than the paper's systems
     - given: the part of the truth that the method was given, one of ``GIVEN``
-    - steps: training steps of all parts together
-    - stopped: why a training ended: plateau, steps or time; empty for methods on clips
+    - steps: training steps of all networks together, None without such a training
+    - stopped: why a training ended: plateau, steps or time; empty for rows other than the paper's systems
     - n_parameters: number of parameters
     - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
     - bundle: first digits of the bundle's sha256, None for classical methods
     - corpus: hash of the corpus
-    - truth: kind of its true positions: partner, word, or the source that made them
+    - truth: kind of its true positions: partner, word, events, or the source that made them
     - protocol: signature of the protocol
     - metrics_id: ``hash_signatures`` of the metrics
     - n_pairs: number of pairs judged
-    - condition: one of ``published.AS_PRINTED`` and ``EQUAL``; empty for methods on clips
+    - condition: one of ``published.AS_PRINTED`` and ``EQUAL``; empty for rows other than the paper's systems
     - scores: by name, None if there was nothing to count
     - commit: git revision of the code
     - versions: of Python and packages

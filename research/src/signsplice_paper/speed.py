@@ -106,11 +106,11 @@ def measure(
     systems = {(run.system, run.decoding): open_bundle(bundles / run.system, run.decoding) for run in runs}
     product = ClipMethod(FLUENT, LEARNED, bundle=product_bundle)
     answers = ClipAnswers(pairs, product)
-    answers.prepare(judged.numbers)
+    answers.prepare(judged.pair_numbers)
     runs.append(DecodingRun(PRODUCT, DECODINGS[-1], WRITES[0]))
-    seconds = np.zeros((len(judged.numbers), len(runs)))
+    seconds = np.zeros((len(judged.pair_numbers), len(runs)))
     for warm_up in (True, False):
-        for row, number in enumerate(judged.numbers[: protocol.WARM_UP] if warm_up else judged.numbers):
+        for row, number in enumerate(judged.pair_numbers[: protocol.WARM_UP] if warm_up else judged.pair_numbers):
             for column, run in enumerate(runs):
                 work: Callable[[], object] = partial(answers, number)
                 if run.system != PRODUCT:
@@ -119,7 +119,7 @@ def measure(
                 work()
                 seconds[row, column] = time.perf_counter() - start
             if progress is not None and not warm_up:
-                progress(row + 1, len(judged.numbers))
+                progress(row + 1, len(judged.pair_numbers))
     base = runs.index(DecodingRun(*BASE))
     ratios = np.median(seconds / seconds[:, base : base + 1], axis=0)
     return [
@@ -154,7 +154,7 @@ def make_table(timed: Sequence[Timed], scale: str, judged: Protocol) -> Table:
         for t in timed
     )
     notes = (
-        f"{len(judged.numbers)} pairs, all systems on one before the next; sizes of scale {scale}, untrained, "
+        f"{len(judged.pair_numbers)} pairs, all systems on one before the next; sizes of scale {scale}, untrained, "
         "number of frames given; signsplice as it ships, given nothing. "
         "Last column: median over pairs of the time divided by that of the first row.",
         f"Timed by `{judged.signature}`.",

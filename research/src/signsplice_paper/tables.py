@@ -46,7 +46,10 @@ COLUMNS: tuple[tuple[str, int | str, str], ...] = (
 ON_PAGE = ("PTA", "PAA", "both exact", "within 1", "Accuracy", "MSE", "BLEU-1", "BLEU-4", "over 60 degrees",
            "over 60 degrees, bones kept", "ms a pair")  # fmt: skip
 """Columns of the tables on pages."""
-PRINTED, HERE, ON_MANY = "printed", "words of the split", "many words and bodies"
+PAPERS_FIGURES = "printed"
+"""In the column of conditions: figures that the paper prints."""
+ON_SPLIT, ON_MANY = "words of the split", "many words and bodies"
+"""What a system was taught on: the training part of the judged split, or a corpus to teach on."""
 _ORDER = (*published.TABLE_1, published.LPT_PLUS, *published.ABLATIONS)
 
 
@@ -54,7 +57,7 @@ _ORDER = (*published.TABLE_1, published.LPT_PLUS, *published.ABLATIONS)
 class TableLine:
     """One line of the table.
 
-    - system: its name
+    - system: the name that is shown, the same in both conditions
     - condition: how its tokens were trained, or which truth a method was given
     - taught: the words that it learned from
     - rows: one for each seed
@@ -66,13 +69,13 @@ class TableLine:
     rows: tuple[ResultRow, ...]
 
     @property
-    def seeds(self) -> int:
+    def n_seeds(self) -> int:
         """How many seeds it has."""
         return len(self.rows)
 
     def values(self, name: str) -> list[float]:
-        """Returns a score of every seed, without unknown ones; for the time the last alone, since a machine is not as
-        fast on every day.
+        """Returns a score of every seed, without unknown ones; for the time that of the largest seed alone, since a
+        machine is not as fast on every day.
         """
         known = [value for row in self.rows if not math.isnan(value := row.score(name))]
         return known[-1:] if name == TIME else known
@@ -100,7 +103,8 @@ def format_score(value: float, digits: int | str) -> str:
 
 def list_lines(results: Results, scale: str, split: str) -> list[TableLine]:
     """Returns all lines of a split: the paper's systems, LPT+, ablations, those taught on many words, then methods on
-    clips and baselines. Raises ``InputError`` if rows cannot be compared.
+    clips and baselines. A line has the rows of one system (its name in results.json implies the condition), whatever
+    their seed. Raises ``InputError`` if rows cannot be compared.
     """
     rows = [row for row in results.rows if row.split == split and row.part == "test"]
     check_comparable(rows)
@@ -121,7 +125,7 @@ def list_lines(results: Results, scale: str, split: str) -> list[TableLine]:
 
 
 def find_line(
-    results: Results, scale: str, system: str, split: str, taught: str = HERE, optimiser: str = "adamw"
+    results: Results, scale: str, system: str, split: str, taught: str = ON_SPLIT, optimiser: str = "adamw"
 ) -> TableLine:
     """Returns the line of a system or method; without rows if there are none."""
     matches = [
@@ -141,7 +145,7 @@ def _format_condition(row: ResultRow) -> str:
 def _format_taught(row: ResultRow) -> str:
     if not row.condition:
         return "-"
-    return ON_MANY if row.taught else HERE
+    return ON_MANY if row.taught else ON_SPLIT
 
 
 def _make_sort_key(row: ResultRow) -> tuple[object, ...]:
@@ -166,7 +170,7 @@ def format_csv(results: Results, scale: str) -> str:
             facts = zip(*((row.steps, row.n_parameters, row.commit) for row in line.rows), strict=True)
             texts = ["/".join(str(value) for value in dict.fromkeys(values) if value is not None) for values in facts]
             cells = [line.format_cell(name, digits) for name, digits, _ in COLUMNS]
-            writer.writerow([split, line.system, line.condition, line.taught, *cells, line.seeds, *texts])
+            writer.writerow([split, line.system, line.condition, line.taught, *cells, line.n_seeds, *texts])
     return text.getvalue()
 
 
@@ -194,9 +198,8 @@ def _format_paper_rows(columns: Sequence[tuple[str, int | str, str]]) -> list[tu
         printed = dict(zip(published.METRICS, values, strict=True))
         if system == published.PRINTED:
             printed |= {"Accuracy": f"{published.ACCURACY:.2f}", "MSE": f"{published.MSE:.4f}"}
-        rows.append(
-            (published.get_display_name(system), PRINTED, "-", *(printed.get(title, "-") for _, _, title in columns))
-        )
+        name = published.get_display_name(system)
+        rows.append((name, PAPERS_FIGURES, "-", *(printed.get(title, "-") for _, _, title in columns)))
     return rows
 
 

@@ -16,7 +16,7 @@ import pyarrow as pa
 from signsplice.bulk import drawing, recipes
 from signsplice.bulk.job import INDEX, BulkOptions, libraries, prepare, processor
 from signsplice.bulk.maker import SentenceMaker
-from signsplice.bulk.run import Progress, run
+from signsplice.bulk.run import RunProgress, run
 from signsplice.bulk.shards import make_shard
 from signsplice.errors import MissingExtraError
 from signsplice.lexicon.lexicon import Lexicon, open_lexicon
@@ -171,7 +171,7 @@ def growth(lexicon: str, words: Lexicon, count: int, seed: int, ray: str | None)
             options = BulkOptions(lexicon, shard_size=max(n_rows // 40, 1))
             times: list[tuple[float, int]] = []
 
-            def note(state: Progress, times: list[tuple[float, int]] = times) -> None:
+            def note(state: RunProgress, times: list[tuple[float, int]] = times) -> None:
                 times.append((time.perf_counter(), state.n_done))
 
             run(job_folder, options, lambda: batches, workers, ray, advance=note)

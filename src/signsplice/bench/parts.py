@@ -1,7 +1,7 @@
 """Speed of every part and of its baselines, and of the shipped networks: seams, sentences and streams.
 
-Machines differ and share their cores, so the figures are medians over repeats and ratios of alternating calls. The
-skeleton has 53 joints; the motions are made here, so that the benchmark needs no file.
+Machines differ and share their cores, so most figures are medians over repeats and ratios of alternating calls. The
+skeleton has 53 joints; the motions are shipped words, so that the benchmark needs no other file.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ N_WARM_UP = 20
 """Number of seams before the first timed one."""
 
 
-def seams(repeats: int) -> dict[str, Any]:
+def _learned_seams(repeats: int) -> dict[str, Any]:
     """Measure the time of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the
     networks in them, and of a ten-word sentence; each with other shipped words.
     """
@@ -154,14 +154,16 @@ N_LEXICON = 6707
 
 
 def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, Any]:
-    """Return part -> figure with its unit -> median over ``repeats`` runs, including ratios to the baselines."""
+    """Return part -> figure with its unit -> value, with ratios to the baselines. Most values are medians over runs:
+    ``repeats``, or a multiple of it for short parts.
+    """
     parts: list[tuple[str, Callable[[int], dict[str, Any]]]] = [
         ("read", _reading),
         ("kinematics", _kinematics),
         ("search", _search),
         ("transition", _transitions),
         ("seam", _seam),
-        ("learned", seams),
+        ("learned", _learned_seams),
         ("stream", streams),
         ("lexicon", _lexicon),
         ("memory", lambda _: _memory()),

@@ -202,9 +202,9 @@ def _swivels(fit: Fit, shoulders: FloatArray, elbows: FloatArray, wrists: FloatA
         frames, k = np.repeat(np.arange(n), len(solids)), np.tile(solids, n)
         source_distance = pair_clearances(source.starts, source.ends, source.radii, source_pairs, frames, k).distance
         rows = target_pairs.other[solids]
-        solid = swivel.Solid(starts[:, rows], ends[:, rows], target.radii[rows])
+        obstacles = swivel.Obstacles(starts[:, rows], ends[:, rows], target.radii[rows])
         arm = swivel.BentArm(shoulders[:, side], elbows[:, side], wrists[:, side], target.radii[forearm])
-        swivels[:, side] = swivel.choose(arm, solid, np.maximum(-source_distance.reshape(n, -1), 0.0), fit.fps)
+        swivels[:, side] = swivel.choose(arm, obstacles, np.maximum(-source_distance.reshape(n, -1), 0.0), fit.fps)
     return swivels
 
 

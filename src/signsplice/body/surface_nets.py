@@ -17,9 +17,10 @@ from signsplice.motion import FloatArray
 Field = Callable[[FloatArray], FloatArray]
 """Points (N, 3) -> their distances from the solid (N,), negative inside."""
 
-_BLOCK = 4_096
-"""Points at a time: a field's intermediate arrays stay in the processor's cache."""
+_CHUNK = 4_096
+"""Number of points at a time: a field's intermediate arrays stay in the processor's cache."""
 _COARSE = 4
+"""Grid steps along the edge of a coarse cell."""
 _N_PROJECTIONS = 2
 """Number of steps that move a vertex onto the surface."""
 
@@ -32,7 +33,7 @@ def surface(
     low, high (3,): corners of a box around the whole surface. step: of the grid, in the same unit. Raises
     ``ValueError`` if the box holds no surface.
     """
-    field = _in_blocks(field)
+    field = _in_chunks(field)
     origin = np.asarray(low, np.float64) - step
     counts = (np.ceil((np.asarray(high) - origin) / (_COARSE * step)).astype(int) + 1) * _COARSE + 1
     values = _sample_field(field, origin, counts, step)
@@ -53,17 +54,17 @@ def surface(
     return vertices, _gradient(field, vertices, 0.05 * step), triangles
 
 
-def _in_blocks(field: Field) -> Field:
+def _in_chunks(field: Field) -> Field:
     """Returns the field, evaluated for a limited number of points at a time."""
 
-    def evaluate_blocks(points: FloatArray) -> FloatArray:
-        return np.concatenate([field(points[n : n + _BLOCK]) for n in range(0, max(len(points), 1), _BLOCK)])
+    def evaluate_chunks(points: FloatArray) -> FloatArray:
+        return np.concatenate([field(points[n : n + _CHUNK]) for n in range(0, max(len(points), 1), _CHUNK)])
 
-    return evaluate_blocks
+    return evaluate_chunks
 
 
 def _corner_slices(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """Returns the corners of all cells at one end of each axis."""
+    """Returns the slices that select one corner of every cell: ``shift`` 0 or 1 of each axis."""
     return tuple(slice(s, n - 1 + s) for s, n in zip(shift, shape, strict=True))
 
 
@@ -78,17 +79,17 @@ def _sample_field(field: Field, origin: FloatArray, counts: NDArray[np.int_], st
         wide[:-1, :-1, :-1] |= is_close[_corner_slices(shift, is_close.shape)]
     values = np.full(tuple(counts), np.inf)
     for i, j, k in np.argwhere(wide):
-        values[_block(i, j, k)] = 0.0
+        values[_coarse_slices(i, j, k)] = 0.0
     todo = np.argwhere(values == 0.0)
     values[tuple(todo.T)] = field(origin + step * todo)
-    # Whole blocks without surface: the rough field shows which are inside.
+    # Whole coarse cells without surface: the rough field shows which are inside.
     for i, j, k in np.argwhere(~wide & (rough < 0.0)):
-        box = _block(i, j, k)
+        box = _coarse_slices(i, j, k)
         values[box] = np.where(np.isinf(values[box]), -np.inf, values[box])
     return values
 
 
-def _block(i: int, j: int, k: int) -> tuple[slice, slice, slice]:
+def _coarse_slices(i: int, j: int, k: int) -> tuple[slice, slice, slice]:
     """Returns the slices of a coarse cell's points, far sides included."""
     first, second, third = (slice(_COARSE * n, _COARSE * n + _COARSE + 1) for n in (i, j, k))
     return first, second, third
@@ -122,7 +123,9 @@ def _within(values: FloatArray, cells: NDArray[np.int_]) -> FloatArray:
 
 
 def _triangles(inside: NDArray[np.bool_], numbers: NDArray[np.int_]) -> NDArray[np.int64]:
-    """Returns two triangles, from the cells around it, across every grid edge whose ends lie on different sides."""
+    """Returns triangles (F, 3) of vertex numbers, two for every grid edge whose ends lie on different sides of the
+    surface: their corners are the vertices of the four cells around it. ``numbers``: vertex of each cell, -1 for none.
+    """
     faces = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3

@@ -16,16 +16,17 @@ from signsplice.body.collision import clearances
 from signsplice.motion import FloatArray
 
 _GRID = np.deg2rad(np.arange(-60.0, 61.0, 15.0))
+"""Turns to choose from, radians."""
 _TURN = float(np.deg2rad(30.0))
 """The turn that costs ``_TURN_WEIGHT``, radians."""
 _TURN_WEIGHT = 0.15
 """Cost of a turn, in squared centimetres of depth."""
 _CHANGE_WEIGHT = 0.5
-"""Cost of a change by one step of the grid from frame to frame, likewise."""
+"""Cost of a change by half of ``_TURN`` from frame to frame, likewise."""
 _WIDTH_S = 0.06
-"""Width of the bell that smooths the chosen swivels, s."""
+"""Standard deviation of the bell that smooths the chosen swivels, s."""
 _LEAST_WIDTH = 0.5
-"""Least width of that bell, frames."""
+"""Least standard deviation of that bell, frames."""
 _DEEP = 1e-4
 """Squared depth from which on an elbow turns, cm^2."""
 _AROUND_S = 0.3
@@ -47,7 +48,7 @@ class BentArm:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Obstacles:
     """Capsules that the forearm must keep out of, m: starts and ends (T, S, 3), radii (S, 2)."""
 
     starts: FloatArray
@@ -55,11 +56,11 @@ class Solid:
     radii: FloatArray
 
 
-def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: FloatArray = _GRID) -> FloatArray:
-    """Returns turns (T,) of the elbow, radians, from a ``grid``, that keep the forearm from lying deeper in a solid
-    than ``allowed`` (T, S).
+def choose(arm: BentArm, obstacles: Obstacles, allowed: FloatArray, fps: float, grid: FloatArray = _GRID) -> FloatArray:
+    """Returns turns (T,) of the elbow, radians, right-handed about the line from shoulder to wrist: the best of
+    ``grid``, smoothed. They lessen the forearm's depth in any capsule beyond ``allowed`` (T, S), m; some may remain.
     """
-    cost = _depth_cost(arm.elbow[None], arm, solid, allowed, slice(None))[0]
+    cost = _depth_cost(arm.elbow[None], arm, obstacles, allowed, slice(None))[0]
     rows = np.flatnonzero(cost > _DEEP)
     swivels = np.zeros(len(arm.wrist))
     if not len(rows):
@@ -72,10 +73,10 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: Fl
     off_axis = e - s - on_axis
     cos, sin = np.cos(grid)[:, None, None], np.sin(grid)[:, None, None]
     turned = s + on_axis + cos * off_axis + sin * np.cross(axis, off_axis)  # (K, T, 3)
-    costs = _depth_cost(turned, arm, solid, allowed, span).T
+    costs = _depth_cost(turned, arm, obstacles, allowed, span).T
     costs += _TURN_WEIGHT * (grid / _TURN) ** 2
     change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / (0.5 * _TURN))
-    chosen = grid[smoothest(costs, [change] * (len(costs) - 1))]
+    chosen = grid[least_cost_choices(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
     side = int(np.ceil(3.0 * width))
     bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
@@ -84,20 +85,20 @@ def choose(arm: BentArm, solid: Solid, allowed: FloatArray, fps: float, grid: Fl
     return swivels
 
 
-def _depth_cost(elbow: FloatArray, arm: BentArm, solid: Solid, allowed: FloatArray, span: slice) -> FloatArray:
-    """Returns the squared depth (K, T) of the forearm beyond the allowed one, summed over the solids, cm^2, for elbows
-    (K, T, 3) in a span of frames.
+def _depth_cost(elbow: FloatArray, arm: BentArm, obstacles: Obstacles, allowed: FloatArray, span: slice) -> FloatArray:
+    """Returns the squared depth (K, T) of the forearm beyond the allowed one, summed over the capsules, cm^2, for
+    elbows (K, T, 3) in a span of frames.
     """
-    starts, ends, allowed = solid.starts[span], solid.ends[span], allowed[span]
+    starts, ends, allowed = obstacles.starts[span], obstacles.ends[span], allowed[span]
     shape = (*elbow.shape[:2], allowed.shape[1])
     p, u = (np.broadcast_to(x[:, :, None], (*shape, 3)).reshape(-1, 3) for x in (elbow, arm.wrist[span] - elbow))
     q, v = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (starts, ends - starts))
-    own_radii, other_radii = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, solid.radii))
+    own_radii, other_radii = (np.broadcast_to(x, (*shape, 2)).reshape(-1, 2) for x in (arm.radii, obstacles.radii))
     depth = np.maximum(-clearances(p - q, u, v, own_radii, other_radii).distance.reshape(shape) - allowed, 0.0)
     return np.asarray((1e4 * depth * depth).sum(axis=-1))
 
 
-def smoothest(costs: FloatArray, changes: Sequence[FloatArray] | FloatArray) -> NDArray[np.intp]:
+def least_cost_choices(costs: FloatArray, changes: Sequence[FloatArray] | FloatArray) -> NDArray[np.intp]:
     """Returns the choices (T,) with the least sum of costs (T, K) and costs of change (T - 1, K, K)."""
     best, back = costs[0], []
     for row, change in zip(costs[1:], changes, strict=True):

@@ -36,6 +36,7 @@ _NEW_RECIPES = ".new-recipes.parquet"
 """File of the recipes until the job is written; no other program uses this name."""
 FRAMES = "frames"
 STORES = (FRAMES, "recipes")
+"""What a folder holds beside its recipes and index: samples, or nothing."""
 NPZ32 = "npz32"
 FORMATS = ("npz", NPZ32, "bvh", "glb")
 """Formats of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
@@ -44,12 +45,12 @@ _LIBRARIES = ("numpy", "scipy", "onnxruntime")
 _LONGEST = 1000
 """Limit on the length of a name or path of a job, characters."""
 _FREE = ("lexicon", "bundle", "processor")
-"""Fields that may differ when a run resumes: locations of words and networks, not their content."""
+"""Fields that may differ when a run resumes: locations of words and networks, not their content; and the processor."""
 
 
 @dataclass(frozen=True)
 class BulkJob:
-    """Determines every byte of a folder of shards.
+    """Determines every clip and sample of a folder of shards.
 
     version: of this description.
     signsplice: version of the package.
@@ -115,7 +116,7 @@ class BulkOptions:
 
 
 def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:
-    """Return the job of a folder: the existing one if it is the same, a new one in a new or empty folder.
+    """Begin the job of a new or empty folder, or resume that of an existing one if it is the same; write and return it.
 
     batches: makes the recipes, anew at each call. Raises ``InputError``, which names the difference, if the folder was
     begun with other recipes, words, networks or options; if its recipes have changed; and as ``check_out`` does.
@@ -182,8 +183,8 @@ def _hash_of(file: Path) -> str:
 
 
 def check_out(out: Path) -> None:
-    """Raise ``InputError`` if a folder cannot be made or holds files that no run has written: without a job, more than
-    an early interruption leaves; and anything in, or in place of, the empty folder ``UNFINISHED``.
+    """Raise ``InputError`` if a folder cannot be made; if it has no job, but anything visible other than
+    ``UNFINISHED``; or if ``UNFINISHED`` is there and not an empty folder.
     """
     atomic.check_place(out)
     mark = out / UNFINISHED
@@ -251,8 +252,8 @@ def tar_of(out: Path, shard: int) -> Path:
 
 
 def progress_of(out: Path, shard: int) -> Path:
-    """Return the file with the number of finished rows of a shard that is not in the index yet. It is swept as an
-    unfinished file.
+    """Return the file with the number of finished rows of a shard that is not in the index yet. By its name
+    ``atomic.sweep`` removes it after a kill.
     """
     return out / INDEX / f".signsplice-{shard:016x}.rows"
 

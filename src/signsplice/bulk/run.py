@@ -33,6 +33,8 @@ _MOST_DEATHS = 8
 def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult | None]:
     """Make these shards in ``workers`` processes; yields each when it is complete, and None every second in between.
 
+    n_kept: number of words that each process keeps in memory.
+
     Replaces processes that end, and repeats their shards. Raises what ``make_shard`` raises, and ``SignspliceError``
     for a shard that ends every process.
     """
@@ -66,7 +68,7 @@ def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Ite
                     ) from None
 
 
-def alone(function: Callable[..., Result], *arguments: object) -> Result:
+def call_in_process(function: Callable[..., Result], *arguments: object) -> Result:
     """Call a function in a process like those that make shards, and return its result."""
     with processes(1) as pool:
         return pool.submit(function, *arguments).result()
@@ -98,7 +100,7 @@ class BulkSummary:
 
 
 @dataclass(frozen=True)
-class Progress:
+class RunProgress:
     """Progress of a run.
 
     n_before: rows of shards that existed before the run.
@@ -120,29 +122,30 @@ def run(
     workers: int | None = None,
     ray: str | None = None,
     n_kept: int = WORDS_KEPT,
-    advance: Callable[[Progress], None] | None = None,
+    advance: Callable[[RunProgress], None] | None = None,
 ) -> BulkSummary:
     """Make the missing shards of a folder, in processes of this machine, or on the Ray cluster at the address ``ray``.
     Creates the folder if necessary.
 
     batches: makes the recipes, anew at each call.
     workers: number of workers; by default one per core of the machine, or of the cluster.
+    n_kept: number of words that each worker keeps in memory.
     advance: called with the progress.
 
-    Raises ``InputError`` if another call is writing there, and what ``prepare``, ``make_here`` and
-    ``cluster.make_all`` raise.
+    Raises ``InputError`` if another call is writing there, and what ``prepare``, ``make_here``, ``cluster.make_all``
+    and ``summarize`` raise.
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}, expected 1 or more")
     jobs.check_out(out)
     with _begun(out, options, batches) as job:
         (out / jobs.INDEX).mkdir(exist_ok=True)
-        atomic.sweep(out / jobs.INDEX)  # rows of shards that another call was making
+        atomic.sweep(out / jobs.INDEX)  # numbers of finished rows that an interrupted call left
         missing = [shard for shard in range(job.n_shards) if not jobs.is_whole(out, job, shard)]
         before = job.n_recipes - sum(len(job.rows(shard)) for shard in missing)
         done, failed = before, 0
         note = advance or (lambda _: None)
-        note(Progress(before, done, failed, job.n_recipes))
+        note(RunProgress(before, done, failed, job.n_recipes))
         if missing:
             (out / jobs.SUMMARY).unlink(missing_ok=True)
         unfinished, shown = set(missing), before
@@ -152,7 +155,7 @@ def run(
                     done, failed = done + shard.n_rows, failed + shard.n_failed
                     unfinished.discard(shard.shard)
                 shown = max(shown, done + jobs.rows_in_progress(out, unfinished))
-                note(Progress(before, shown, failed, job.n_recipes))
+                note(RunProgress(before, shown, failed, job.n_recipes))
         except KeyboardInterrupt:
             message = f"{done} of {job.n_recipes} rows are kept in {out}"
             raise KeyboardInterrupt(f"{message}; the same command continues from there") from None
@@ -165,12 +168,12 @@ def run(
 def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
     """Yield the job of a folder and lock it against other calls. A refused call leaves no trace."""
     was_there = out.exists()
-    with atomic.resumable_folder(out / jobs.UNFINISHED) as was_ended:
+    with atomic.resumable_folder(out / jobs.UNFINISHED) as was_interrupted:
         try:
             job = jobs.prepare(out, options, batches)
         except BaseException:
             with suppress(OSError):
-                if not was_ended:
+                if not was_interrupted:
                     (out / jobs.UNFINISHED).rmdir()
                 if not was_there:
                     out.rmdir()
@@ -200,7 +203,9 @@ def _index(out: Path, shard: int) -> pa.Table:
 
 
 def summarize(out: Path, job: BulkJob) -> BulkSummary:
-    """Summarise the shards of a folder from their index. Raises ``InputError`` if a shard is missing."""
+    """Summarise the shards of a folder from their index. Raises ``InputError`` if a shard is missing,
+    ``FormatError`` if its index cannot be read.
+    """
     reasons: Counter[str] = Counter()
     n_failed = n_seams = n_frames = n_bytes = 0
     seconds = 0.0

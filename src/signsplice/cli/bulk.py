@@ -19,7 +19,7 @@ from signsplice.errors import InputError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from signsplice.bulk.run import Progress
+    from signsplice.bulk.run import RunProgress
     from signsplice.lexicon.lexicon import Lexicon
 
 
@@ -206,12 +206,12 @@ def make(folder: str, row: int, output: str, report: str | None) -> None:
     """Make one row of a folder of shards anew, and check that it is the same, bit for bit."""
     _require_extra()
     from signsplice import formats
-    from signsplice.bulk.run import alone
+    from signsplice.bulk.run import call_in_process
     from signsplice.bulk.shards import remake
 
     formats.check_suffix(output)
     check_outputs(output, report, [folder])
-    print(alone(remake, folder, row, output, report))
+    print(call_in_process(remake, folder, row, output, report))
 
 
 def _run(
@@ -268,7 +268,7 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
 
 
 @contextmanager
-def _open_progress_bar(what: str) -> Iterator[Callable[[Progress], None] | None]:
+def _open_progress_bar(what: str) -> Iterator[Callable[[RunProgress], None] | None]:
     """Show a bar with rate, remaining time and failures on standard error, if that is a terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -287,7 +287,7 @@ def _open_progress_bar(what: str) -> Iterator[Callable[[Progress], None] | None]
     with bars.Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600) as bar:
         task = bar.add_task(what, start=False, total=None, rate="", failed="")
 
-        def advance(state: Progress) -> None:
+        def advance(state: RunProgress) -> None:
             bar.start_task(task)
             elapsed = bar.tasks[0].elapsed or 0.0
             n_made = state.n_done - state.n_before

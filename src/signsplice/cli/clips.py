@@ -32,7 +32,7 @@ SKIN = option(
 )
 """Option of commands with ``--avatar``; may be repeated."""
 Spans = Sequence[tuple[str, str, int, int]]
-"""Kind, name, first frame and end of each span."""
+"""Kind, name, first frame and end (exclusive) of each span."""
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -97,7 +97,10 @@ def load(
 
 
 def apply_rest_pose(clip: Clip) -> Clip:
-    """Return a clip with the rest pose of the frame that the current command names, or with its own."""
+    """Return a clip whose rest pose is the frame that the current command names, by default the first that shows a
+    person. A clip that has a rest pose, or whose zero pose shows a person, stays as it is: warns of a frame named for
+    the latter.
+    """
     from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
     frame = _option_value("rest_frame")
@@ -119,7 +122,9 @@ reads_faces = combine_options(
 
 
 def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
-    """Return the face of each clip: the file of the same name, or by order if there is one face for each clip."""
+    """Return the face of each clip: the file of the same name, None without one; or by order if there is one face for
+    each clip.
+    """
     by_name = {Path(face).stem.casefold(): face for face in faces}
     matched = [by_name.get(Path(clip).stem.casefold()) for clip in clips]
     if len({*matched} - {None}) == len(faces):
@@ -144,7 +149,7 @@ def read_roles(path: str | None) -> dict[str, str] | None:
 
 
 def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
-    """Return clips with the roles of a roles file, unless their rig is recognised by joint names."""
+    """Return clips with the roles of a roles file; a recognised rig without any of its joints stays as it is."""
     from signsplice.formats import roles as roles_file
 
     joint_of = roles_file.read(roles)
@@ -203,10 +208,10 @@ def write(
     spans: Spans = (),
     view: str = "front",
     size: tuple[int, int] | None = None,
-    names_lost: bool = True,
+    warns_of_lost: bool = True,
 ) -> None:
     """Write a clip by suffix. Pictures mark ``spans`` and are drawn from ``view``; films have a ``size`` in pixels.
-    ``names_lost``: whether to warn of parts of a face that the figure cannot show.
+    ``warns_of_lost``: whether to warn of parts of a face that the figure cannot show.
     """
     if Path(output).suffix.lower() in PICTURE_SUFFIXES:
         from signsplice.render import film
@@ -221,8 +226,8 @@ def write(
         if (face_path := sidecar(Path(output))) is not None:
             warn([f"{face_path}: beside {output}, which was written without a face, is another clip's; remove it"])
     # The retargeting has warned of parts that an avatar's own file cannot show.
-    is_own = getattr(clip.skeleton, "file", None) is not None
-    if names_lost and not is_own and clip.face is not None and Path(output).suffix.lower() == ".glb":
+    is_avatar_file = getattr(clip.skeleton, "file", None) is not None
+    if warns_of_lost and not is_avatar_file and clip.face is not None and Path(output).suffix.lower() == ".glb":
         from signsplice.formats.gltf_face import lost_in
 
         lost = lost_in(output, clip)

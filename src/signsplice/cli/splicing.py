@@ -251,7 +251,7 @@ class _Target:
         began = time.perf_counter()
         is_recorded = result.face is not None and bool(result.face.recorded)
         spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
-        write(result.clip, self.output, spans, names_lost=is_recorded)
+        write(result.clip, self.output, spans, warns_of_lost=is_recorded)
         save_ms = 1e3 * (time.perf_counter() - began)
         if self.report is not None:
             reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | {**more}, self.report)

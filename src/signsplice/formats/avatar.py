@@ -258,7 +258,10 @@ class AvatarReader(MeshReader):
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
         # Joints without a role stay at rest: their vertices follow the nearest ancestor with a role.
         rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
-        parts, points = self.skin(rows, turn, origin, skin)
+        parts, points = self.read_meshes(rows, turn, origin, skin)
+        if self.n_unread_parts:
+            n_parts = f"{self.n_unread_parts} mesh part{'s' * (self.n_unread_parts > 1)}"
+            lacks = (*lacks, f"{avatar.label}: holds {n_parts} without indexed triangles, not read")
         if points is None:
             line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"
             return replace(avatar, mesh=parts, warnings=(*lacks, line))

@@ -46,15 +46,16 @@ _CLOTH = {
     *("jeans", "shorts", "gloves", "glove", "cuff", "cuffs", "onepiece", "uniform", "socks", "shoes", "shoe", "boots"),
 }
 """Words in the names of materials, nodes and meshes that cover skin."""
-_SOFT = {
+_SKIN_JOINTS = {
     *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
     *("twist", "roll", "muscle", "helper"),
 }
-"""Words in names of joints without a role that carry skin even if a spring moves them."""
+"""Words in names of joints without a role that carry skin even if a spring moves them or their name is in ``_LOOSE``.
+"""
 _LOOSE_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡")
 """Japanese words with the meaning of ``_LOOSE``."""
-_SOFT_SIGNS = ("胸", "乳")
-"""Japanese words with the meaning of ``_SOFT``."""
+_SKIN_JOINT_SIGNS = ("胸", "乳")
+"""Japanese words with the meaning of ``_SKIN_JOINTS``."""
 _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 
 
@@ -86,6 +87,8 @@ class MeshReader(SkeletonDocument):
         self._worlds: dict[int, FloatArray] = {}
         self._triangles_of: dict[int, list[Fields]] = {}
         self._skins: dict[int, _Bones] = {}
+        self.n_unread_parts = 0
+        """Number of mesh parts that are not read: not triangles, or without indices."""
 
     def world(self, node: int) -> FloatArray:
         """Return the world matrix (4, 4) of a node at rest."""
@@ -108,19 +111,19 @@ class MeshReader(SkeletonDocument):
             raise self._error(f"node {node}: a number is not finite")
         return matrix
 
-    def skin(
+    def read_meshes(
         self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, named: Sequence[str] = ()
     ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
         """Return the meshes that joints carry, and their skin vertices, None if there are none.
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
-        named: meshes, nodes and materials that are skin, and all others cloth; if empty, names decide, the material's
-        first. Raises ``InputError`` for a name that matches none.
+        named: meshes, nodes and materials that are skin, and all others cloth; if empty, names of clothing are cloth,
+        but a material named skin is skin. Raises ``InputError`` for a name that matches none.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
         parts: list[MeshPart] = []
-        skin: list[NDArray[np.bool_]] = []
+        skin_masks: list[NDArray[np.bool_]] = []
         cloth: list[bool] = []
         seen: set[str] = set()
         for node, fields in enumerate(self.nodes):
@@ -130,32 +133,36 @@ class MeshReader(SkeletonDocument):
             bones = self._bones(node)
             if bones is None:
                 continue
-            for primitive in self._triangle_primitives(fields["mesh"]):
+            primitives = self._triangle_primitives(fields["mesh"])
+            self.n_unread_parts += len(mesh["primitives"]) - len(primitives)
+            for primitive in primitives:
                 names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
                 part, is_skin = self._part(primitive, bones, turn, origin)
                 parts.append(part)
                 seen.update(names)
                 is_named = bool({*names} & {*named})
-                skin.append(is_skin & (is_named or not any(map(is_loose, names))))
+                skin_masks.append(is_skin & (is_named or not any(map(is_loose, names))))
                 cloth.append(not is_named if named else any(map(is_cloth, names)) and "skin" not in words(names[2]))
         if unknown := [name for name in named if name not in seen]:
-            known = ", ".join(sorted(seen - {"None"}))
+            known = ", ".join(sorted(seen - {"None"}))  # "None": of what has no name
             raise InputError(
                 f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
             )
-        skin_masks = [mask for mask in skin if mask.any()]
-        if not skin_masks:
+        if not any(mask.any() for mask in skin_masks):
             return tuple(parts), None
-        counts = np.concatenate([[0], np.cumsum([len(part.vertices) for part in parts])])
-        row = np.cumsum(np.concatenate(skin)) - 1
-        triangles = np.concatenate([part.triangles + k for part, k in zip(parts, counts[:-1], strict=True)])
-        triangles = row[triangles[np.concatenate(skin)[triangles].all(axis=1)]]
-        masked = list(zip(parts, skin, strict=True))
+        firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+        is_skin = np.concatenate(skin_masks)
+        new_rows = np.cumsum(is_skin) - 1
+        triangles = np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=True)])
+        triangles = new_rows[triangles[is_skin[triangles].all(axis=1)]]
+        masked = list(zip(parts, skin_masks, strict=True))
         vertices, weights = (
             np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
         )
         joints = np.concatenate([part.joints[mask] for part, mask in masked])
-        is_clothing = np.concatenate([np.full(mask.sum(), covers) for mask, covers in zip(skin, cloth, strict=True)])
+        is_clothing = np.concatenate(
+            [np.full(mask.sum(), covers) for mask, covers in zip(skin_masks, cloth, strict=True)]
+        )
         return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
 
     def _triangle_primitives(self, mesh: int) -> list[Fields]:
@@ -172,8 +179,8 @@ class MeshReader(SkeletonDocument):
         """Return the joints that carry a node's mesh; None for a mesh without a joint."""
         number = self.nodes[node].get("skin")
         if number is None:
-            row, is_skin = self._carriers[node]
-            return None if row < 0 else (self.world(node)[None], np.array([row]), np.array([is_skin]))
+            row, carries_skin = self._carriers[node]
+            return None if row < 0 else (self.world(node)[None], np.array([row]), np.array([carries_skin]))
         skin = self._row(self.skins, number, "skin")
         if number not in self._skins:
             self._skins[number] = self._bones_of_skin(skin)
@@ -186,8 +193,11 @@ class MeshReader(SkeletonDocument):
         self._count(f"{len(joints):,} joints of a skin", _JOINT_BYTES * len(joints))
         matrices, bind = np.stack([self.world(joint) for joint in joints]), self._bind_matrices(skin)
         carried = [self._carriers[joint] for joint in joints]
-        rows, is_skin = np.array([max(row, 0) for row, _ in carried]), np.array([skin for _, skin in carried])
-        return matrices if bind is None else matrices @ bind, rows, is_skin
+        rows, carries_skin = (
+            np.array([max(row, 0) for row, _ in carried]),
+            np.array([carries for _, carries in carried]),
+        )
+        return matrices if bind is None else matrices @ bind, rows, carries_skin
 
     def _count(self, what: str, n_bytes: int) -> None:
         """Count memory of meshes. Raises ``LimitError`` if the total is too large."""
@@ -198,12 +208,13 @@ class MeshReader(SkeletonDocument):
         """Return node -> the skeleton row of the joint at or above it, -1 for none, and whether it carries skin."""
         carriers: dict[int, tuple[int, bool]] = {}
         for node in self.order:
-            row, is_skin = (rows[node], True) if node in rows else carriers.get(self.parents.get(node, -1), (-1, False))
-            if is_skin and node not in rows:
+            above = carriers.get(self.parents.get(node, -1), (-1, False))
+            row, carries_skin = (rows[node], True) if node in rows else above
+            if carries_skin and node not in rows:
                 name = str(self.nodes[node].get("name"))
-                is_soft = bool(words(name) & _SOFT) or any(sign in name for sign in _SOFT_SIGNS)
-                is_skin = is_soft or not (is_loose(name) or node in self._springs)
-            carriers[node] = row, is_skin
+                is_named = bool(words(name) & _SKIN_JOINTS) or any(sign in name for sign in _SKIN_JOINT_SIGNS)
+                carries_skin = is_named or not (is_loose(name) or node in self._springs)
+            carriers[node] = row, carries_skin
         return carriers
 
     @cached_property
@@ -230,7 +241,7 @@ class MeshReader(SkeletonDocument):
         """Return a primitive in the rest pose, and the mask (V,) of its skin vertices."""
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
-        attributes, (matrices, rows, is_skin) = primitive["attributes"], bones
+        attributes, (matrices, rows, carries_skin) = primitive["attributes"], bones
         # Counted for each part, even if parts share an accessor, or nodes a mesh.
         indices = self._values(primitive["indices"])[:, 0]
         self._count(f"{len(indices):,} indices", _PART_BYTES + _INDEX_BYTES * len(indices))
@@ -246,7 +257,7 @@ class MeshReader(SkeletonDocument):
             placed += weights[:, k, None] * np.einsum("vab,vb->va", matrices[joints[:, k], :3], homogeneous)
         if not np.isfinite(placed).all():
             raise self._error("a vertex is not finite")
-        loose = (weights * ~is_skin[joints]).sum(axis=1)
+        loose = (weights * ~carries_skin[joints]).sum(axis=1)
         name, colour = self._material(primitive)
         vertices, triangles = (placed - origin) @ turn.T, triangles.reshape(-1, 3)
         part = MeshPart(name, colour, vertices, normals(vertices, triangles), triangles, rows[joints], weights)

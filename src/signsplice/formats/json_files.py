@@ -29,7 +29,7 @@ def read_json(path: str | Path, expected: str) -> Any:
 
 def parse_json(content: bytes, file: str, expected: str) -> Any:
     """Parse JSON text in UTF-8. Raises ``FormatError`` if it is not JSON, nests too deeply, or holds values that no
-    other program could read: NaN, infinity, whole numbers of thousands of digits, lone surrogates.
+    other program could read: the words NaN and Infinity, whole numbers of thousands of digits, lone surrogates.
     """
     try:
         values = json.loads(content.decode("utf-8-sig"), parse_constant=_reject_constant)
@@ -58,8 +58,9 @@ def shorten_json(value: Any) -> str:
 
 
 def check_type(value: Any, kind: Any, where: str) -> None:
-    """Raise ``TypeError`` if a JSON value has not a type: a plain one, a union, a ``Literal``, a list, a mapping of
-    names, a tuple (in JSON a list), or a dataclass (in JSON an object with all its fields).
+    """Raise ``TypeError`` if a JSON value is not of type ``kind``: a plain one, a union, a ``Literal``, a list, a
+    mapping of names, a tuple (in JSON a list), or a dataclass (in JSON an object with all its fields). ``where``: the
+    value's name in the message.
 
     Numbers must be finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN if a float is
     ``Annotated``.

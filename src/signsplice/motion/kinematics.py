@@ -17,10 +17,10 @@ from signsplice.motion.rotation import FloatArray
 def forward(
     clip: Clip, joints: Sequence[int] | None = None, origin: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute global rotations (T, K, 3, 3) and positions (T, K, 3) of joints.
+    """Compute global rotations (T, K, 3, 3) and positions (T, K, 3), clip units, of joints.
 
     joints: K joint indices, all by default; only they and their ancestors are computed.
-    origin: a common ancestor whose axes and position are the frame of the result; by default the world.
+    origin: a common ancestor; the result is relative to its axes and position, by default to the world's.
 
     global_j = global_parent local_j; position_j = position_parent + global_parent offset_j; the root is at
     root_positions.
@@ -40,10 +40,10 @@ def forward(
     else:
         local[:, :, 0] = np.eye(3, 4)[..., None]
     for rows, parents in path.levels:
-        parent_frames = local.take(parents, axis=2)
-        child_frames = np.einsum("abkt,bckt->ackt", parent_frames[:, :3], local[:, :, rows])
-        child_frames[:, 3] += parent_frames[:, 3]
-        local[:, :, rows] = child_frames
+        parent_matrices = local.take(parents, axis=2)
+        child_matrices = np.einsum("abkt,bckt->ackt", parent_matrices[:, :3], local[:, :, rows])
+        child_matrices[:, 3] += parent_matrices[:, 3]
+        local[:, :, rows] = child_matrices
     selected = local[:, :, path.wanted].transpose(3, 2, 0, 1)
     return selected[..., :3], selected[..., 3]
 
@@ -130,7 +130,7 @@ def _components_first(q: FloatArray, out: FloatArray) -> None:
 
 
 def tip_positions(clip: Clip, global_rotations: FloatArray, global_positions: FloatArray) -> FloatArray:
-    """Return positions (T, E, 3) of the skeleton's end sites, from ``forward`` of all joints."""
+    """Return positions (T, E, 3) of the skeleton's end sites, clip units, from ``forward`` of all joints."""
     sites = clip.skeleton.end_sites
     joints = [site.joint for site in sites]
     offsets = np.array([site.offset for site in sites]).reshape(-1, 3)
@@ -146,7 +146,9 @@ def global_quats(skeleton: Skeleton, local_quats: FloatArray) -> FloatArray:
 
 
 def rest_positions(skeleton: Skeleton) -> FloatArray:
-    """Return joint positions (J, 3) of the rest pose: all rotations identity, the root at the origin."""
+    """Return joint positions (J, 3) of the zero pose (all rotations identity, the root at the origin), not of
+    ``skeleton.rest_pose``; clip units.
+    """
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
         positions[joint] = positions[skeleton.parents[joint]] + skeleton.offsets[joint]

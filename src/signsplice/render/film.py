@@ -46,9 +46,9 @@ def write_pictures(
 ) -> None:
     """Draw a clip from one of ``picture.VIEWS``: a contact sheet (.png) or a film (.gif, .mp4), by suffix.
 
-    marks: spans shown in the picture. size: width and height of a film in pixels, both even, such as (1920, 1080).
-    crf: quality of .mp4, see ``CRF``. Raises ``MissingExtraError`` if Pillow or ffmpeg is missing, ``InputError`` for
-    another suffix.
+    marks: spans shown in the picture. size: width and height of a film in pixels, both even, from 64, such as
+    (1920, 1080). crf: quality of .mp4, see ``CRF``. Raises ``MissingExtraError`` if Pillow or ffmpeg is missing,
+    ``InputError`` for arguments outside these.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in PICTURE_SUFFIXES:

@@ -13,13 +13,13 @@ from signsplice.render.picture import make_scene
 
 _RATE = 12.5
 """Drawn frames a second; the browser interpolates between them."""
-_MOST = 10_000
+_MOST_POSITIONS = 10_000
 """Largest number of drawn capsule positions, which limits the size of a long clip."""
 _HEIGHT = 400
 """Height of the drawing, about in pixels."""
 _OUTLINE = 3
 """Extra width of a part's dark outline, in the units of ``_HEIGHT``."""
-_FRAME = """<style>body{{margin:0;font:14px sans-serif}}svg{{display:block;height:{height}px;margin:auto}}\
+_PAGE = """<style>body{{margin:0;font:14px sans-serif}}svg{{display:block;height:{height}px;margin:auto}}\
 path,use{{fill:none;stroke-linecap:round}}</style>{drawing}<button>Pause</button> \
 <input type=range min=0 max={seconds} step=.01 value=0 aria-label="Time" style="width:60%"><script>
 const s=document.querySelector("svg"),b=document.querySelector("button"),r=document.querySelector("input")
@@ -35,7 +35,7 @@ def html(clip: Clip) -> str:
     """Returns the signer of a clip from the front as an animated SVG, below 300 kB, in a sandboxed frame with a button
     and a slider. The animation also runs without scripts.
     """
-    page = _FRAME.format(drawing=drawing(clip), height=_HEIGHT, seconds=f"{clip.seconds:.3f}")
+    page = _PAGE.format(drawing=drawing(clip), height=_HEIGHT, seconds=f"{clip.seconds:.3f}")
     return (
         f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="{escape(clip.name)}" '
         f'style="width: 100%; height: {_HEIGHT + 40}px; border: 1px solid #ccc"></iframe><br>'
@@ -44,9 +44,11 @@ def html(clip: Clip) -> str:
 
 
 def drawing(clip: Clip) -> str:
-    """Draws the capsules of a clip's signer as animated SVG lines, from the farthest to the nearest by median depth."""
+    """Draws the capsules of a clip's signer as animated SVG lines: legs first, then from the farthest to the nearest by
+    median depth.
+    """
     scene, body = make_scene(clip), body_capsules(clip.skeleton)
-    n_drawn = int(np.clip(round(clip.seconds * _RATE) + 1, 2, max(2, _MOST // max(1, len(body.parts)))))
+    n_drawn = int(np.clip(round(clip.seconds * _RATE) + 1, 2, max(2, _MOST_POSITIONS // max(1, len(body.parts)))))
     frames = np.linspace(0, len(clip) - 1, n_drawn).round().astype(int)
     left, right, bottom, top = scene.window
     scale = _HEIGHT / (top - bottom)

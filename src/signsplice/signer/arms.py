@@ -1,7 +1,7 @@
 """Moves elbows, forearms and wrists over time: elbows at their easy places, smoothed and turned out of the trunk and of
 the other arm; wrists that yield; forearms that turn no faster than people turn them.
 
-The easy place of an elbow depends on one pose (``pose.wrist_angles``) and can change suddenly with it. The module
+The easy place of an elbow depends on one pose (``pose.easy_swivels``) and can change suddenly with it. The module
 smooths the direction from the line between shoulder and wrist to the elbow, in the chest's axes: an angle about that
 line has no reference that is steady everywhere.
 
@@ -150,7 +150,7 @@ def _easiest_directions(states: FloatArray, signer: Signer, fps: float) -> Float
         elbows, scale = elbow[:, which], 1.0 / (30.0 * apart_s * _ELBOWS.step) ** 2
         squares = scale * np.square(elbows).sum(axis=-1)
         changes = squares[:-1, :, None] + squares[1:, None] - 2.0 * scale * elbows[:-1] @ elbows[1:].transpose(0, 2, 1)
-        led[:, which] = directions[rows, which, swivel.smoothest(costs[:, which], changes)]
+        led[:, which] = directions[rows, which, swivel.least_cost_choices(costs[:, which], changes)]
     return between(led, frames)
 
 
@@ -267,8 +267,9 @@ def _clearing(posed: PosedArms, which: int, fps: float, *grid: FloatArray) -> Fl
     radii, forearm = 0.01 * body.radii, body.keys.index(f"{SIDES[1 - which]}LowerArm")
     starts, ends = (0.01 * x[:, solid] for x in (posed.capsules.starts, posed.capsules.ends))
     shoulder, elbow, wrist = (0.01 * posed.positions[:, which, n] for n in (1, 2, 3))
-    arm, in_way = swivel.BentArm(shoulder, elbow, wrist, radii[forearm]), swivel.Solid(starts, ends, radii[solid])
-    turns = swivel.choose(arm, in_way, np.full((len(elbow), len(solid)), _ELBOWS.pressed_m), fps, *grid)
+    arm = swivel.BentArm(shoulder, elbow, wrist, radii[forearm])
+    obstacles = swivel.Obstacles(starts, ends, radii[solid])
+    turns = swivel.choose(arm, obstacles, np.full((len(elbow), len(solid)), _ELBOWS.pressed_m), fps, *grid)
     return turns if which == 0 else -turns
 
 
@@ -296,7 +297,8 @@ def ease_wrists(
     keep ``room`` (T, 2, 3) to either side before a joint's limit.
     """
     arm, swivels = solve_arms(states, signer)
-    angles = pose.wrist_at(arm, rotation.multiply(rotation.inverse(arm.fore), written), swivels).angles  # (T, 2, 3)
+    quats = rotation.multiply(rotation.inverse(arm.fore), written)
+    angles = pose.arm_angles_at(arm, quats, swivels).stacked  # (T, 2, 3)
     off = beyond_easy(angles)
     size = np.linalg.norm(off, axis=-1, keepdims=True)
     missed = np.linalg.norm(angles - np.clip(angles, *_ANGLE_LIMITS.T), axis=-1, keepdims=True)
@@ -316,8 +318,8 @@ _CANDIDATE_TWISTS = np.deg2rad(np.linspace(-92.0, 92.0, 25))
 
 def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> FloatArray:
     """Keeps forearms and wrists of states (T, 65) from turning over in a frame; returns other states unchanged."""
-    arm, wrist = pose.solve_arms_and_wrists(states, signer)
-    within = np.clip(wrist.angles, *_ANGLE_LIMITS.T)  # (T, 2, 3)
+    arm, wanted = pose.solve_arms_and_angles(states, signer)
+    within = np.clip(wanted.stacked, *_ANGLE_LIMITS.T)  # (T, 2, 3)
     steps = np.diff(within, axis=0)
     turns = np.maximum(np.abs(steps[..., 0]), WRISTS.swing_share * np.linalg.norm(steps[..., 1:], axis=-1))
     fast = turns * fps > WRISTS.fastest_turn_rad_s  # (T - 1, 2)
@@ -325,7 +327,7 @@ def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> Float
         return states
     angles = within.copy()
     for which in np.flatnonzero(fast.any(axis=0)):
-        path = _twist_path(wrist.twist[:, which], fps)
+        path = _twist_path(wanted.twist[:, which], fps)
         odd = np.abs(path - within[:, which, 0]) > WRISTS.missed_twist
         odd[1:] |= fast[:, which]
         weight = maximum_filter1d(odd.astype(np.float64), 2 * round(WRISTS.twist_reach_s * fps) + 1)
@@ -333,7 +335,7 @@ def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> Float
         path = gaussian_filter1d(path, WRISTS.twist_smoothing_s * fps, mode="nearest")
         swing = gaussian_filter1d(within[:, which, 1:], WRISTS.twist_smoothing_s * fps, axis=0, mode="nearest")
         angles[:, which] += weight[:, None] * (np.column_stack([path, swing]) - within[:, which])
-    quats = pose.hands_at(arm, angles, wrist.swivel)
+    quats = pose.hands_at(arm, angles, wanted.swivel)
     new_states = states.copy()
     fast = fast.any(axis=0)
     pose.hands(new_states)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]
@@ -344,5 +346,5 @@ def _twist_path(twist: FloatArray, fps: float) -> FloatArray:
     """The twist (T,) of least cost for a wanted one (T,), compared modulo a full turn."""
     missed = np.angle(np.exp(1j * (twist[:, None] - _CANDIDATE_TWISTS)))
     change = np.square((_CANDIDATE_TWISTS[:, None] - _CANDIDATE_TWISTS) * fps / WRISTS.twist_speed_rad_s)
-    chosen = swivel.smoothest(np.square(missed / WRISTS.missed_twist), [change] * (len(twist) - 1))
+    chosen = swivel.least_cost_choices(np.square(missed / WRISTS.missed_twist), [change] * (len(twist) - 1))
     return np.asarray(_CANDIDATE_TWISTS[chosen])

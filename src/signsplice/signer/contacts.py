@@ -212,7 +212,7 @@ def _residuals(touches: _ContactProblem, x: FloatArray) -> FloatArray:
     hands = np.array([[target.meets or target.which == which for which in (0, 1)] for target in each.targets])
     _, (arm, quats, swivels) = _arms(each.poses, hands[..., None] * x.reshape(-1, 1, 7), figure.signer)
     frames = np.array([target.first for target in each.targets])
-    posed = pose_figure(figure, each.poses.states, frames, (arm, pose.wrist_at(arm, quats, swivels)))
+    posed = pose_figure(figure, each.poses.states, frames, (arm, pose.arm_angles_at(arm, quats, swivels)))
     rows = [slice(row * x.shape[1], (row + 1) * x.shape[1]) for row in range(len(x))]
     return np.array([_missing(posed, *args) for args in zip(rows, touches.targets, touches.goals, x, strict=True)])
 

@@ -72,12 +72,12 @@ class Figure:
         ]
 
     def pose_arms(
-        self, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
+        self, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.ArmAngles] | None = None
     ) -> PosedArms:
         """The arms of states (F, 65) at the frames ``at`` of the figure, or other ``arms`` as returned by
-        ``pose.solve_arms_and_wrists``.
+        ``pose.solve_arms_and_angles``.
         """
-        turned = pose.arm_rotations(*arms or pose.solve_arms_and_wrists(states, self.signer))
+        turned = pose.arm_rotations(*arms or pose.solve_arms_and_angles(states, self.signer))
         rotations = rotation.to_matrix(np.stack(turned, axis=2))  # (F, 2, 4, 3, 3)
         scale, broad = self.signer.scale, np.array([-self.signer.shoulders, 1.0, 1.0])
         lengths = (UPPER_ARM * self.signer.arms * scale, FOREARM * self.signer.arms * scale)
@@ -158,7 +158,7 @@ def pose_signer(states: FloatArray, signer: Signer) -> PosedSigner:
 
 
 def pose_figure(
-    figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.Wrist] | None = None
+    figure: Figure, states: FloatArray, at: Frames = slice(None), arms: tuple[pose.Arm, pose.ArmAngles] | None = None
 ) -> PosedSigner:
     """A figure's signer in states (F, 65) at the frames ``at`` of the figure, with the ``arms`` of these states or
     others (``Figure.pose_arms``).

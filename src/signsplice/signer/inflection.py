@@ -260,7 +260,10 @@ _WEAK_ARM = locations.WeakArm(STANDARD, np.zeros(27))
 
 
 def are_easy(postures: Sequence[Posture]) -> NDArray[np.bool_]:
-    """Whether the standard signer's strong arm takes postures in space easily (``pose.is_easy``)."""
+    """Whether the standard signer's strong arm takes postures in space without strain
+    (``pose.is_well_within_limits``).
+    """
     solved = [locations.strong_wrist(posture, _WEAK_ARM) for posture in postures]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
-    return pose.is_easy(np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1))
+    hand_states = np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1)
+    return pose.is_well_within_limits(hand_states)

@@ -133,8 +133,8 @@ def keep_base_hand(states: FloatArray, word: WrittenMotion) -> FloatArray:
 
 def hold_elbows(states: FloatArray, word: WrittenMotion) -> FloatArray:
     """Holds elbows in a whole word's states (T, 65) while hands stay, in the direction that bends wrists least."""
-    directions, wrist = arms.directions_of(states, word.signer), pose.solve_arms_and_wrists(states, word.signer)[1]
-    bent, reach = arms.beyond_easy(wrist.angles), round(_HELD_S * word.fps)
+    directions, angles = arms.directions_of(states, word.signer), pose.solve_arms_and_angles(states, word.signer)[1]
+    bent, reach = arms.beyond_easy(angles.stacked), round(_HELD_S * word.fps)
     # Elbows farther away in time stay; for one frame the later entry counts.
     missing = [
         (replace(hold, first=max(hold.first - reach, 0), last=hold.last + reach), np.zeros(3)) for hold in word.holds

@@ -1,7 +1,8 @@
 """A signer's pose as a state of 65 numbers, and the joint rotations that follow from it.
 
-States can be added and interpolated number by number: they hold positions in cm and rotation vectors that stay far from
-180 degrees. For each hand, strong first, both written as right hands (the weak one is mirrored at the end):
+States can be added and interpolated number by number: they hold positions in cm, and rotation vectors that are mostly
+well below 180 degrees (``nearest_turn`` continues one beyond). For each hand, strong first, both written as right hands
+(the weak one is mirrored at the end):
 
     wrist    3   position from the chest joint, in the chest's axes, cm
     rotvec   3   rotation of the hand relative to the forearm of an arm with a hanging elbow, rotation vector
@@ -11,7 +12,7 @@ then rotation vectors of trunk (3) and head (3), the root's displacement (3) fro
 each elbow (2) from its easy place, radians (``arms``). The 27 numbers of one hand are called a hand state.
 
 Arms are solved in closed form: two bones, with the elbow at the easy point of its circle, at which forearm and wrist
-are nearest to their neutral angles. Forearm and wrist angles approach their limits softly: no state breaks a joint.
+are nearest to their neutral angles. Forearm and wrist angles approach their limits softly: no state bends them beyond.
 """
 
 from __future__ import annotations
@@ -44,16 +45,16 @@ from signsplice.signer.signer import (
 class ArmCosts:
     """Costs of an arm's posture, by which elbows find their easy places."""
 
-    easy_angles: tuple[float, ...] = tuple(np.deg2rad([60.0, 22.0, 42.0, 32.0]))
+    unit_angles: tuple[float, ...] = tuple(np.deg2rad([60.0, 22.0, 42.0, 32.0]))
     """Forearm twist, wrist deviation, wrist flexion, and swivel of the elbow that cost 1 each, radians."""
     strain: float = np.deg2rad(20.0)
     """Excess of an angle over its comfortable range that costs 1 in written signs, radians."""
     elbow_height: float = 12.0
     """Cost of raising an elbow by an upper arm's length, for low elbows."""
     limit_excess: float = np.deg2rad(14.0)
-    """Excess of an angle over its limit that costs 1, for low elbows, radians."""
+    """Angle past the onset of this cost (``limit_onset``) that costs 1, for low elbows, radians."""
     limit_onset: float = np.deg2rad(6.0)
-    """Distance from the soft approach to a limit at which that cost begins, radians."""
+    """How far before the soft approach to a limit (``LIMIT_MARGIN``) that cost begins, radians."""
     pressed_cm: float = 3.0
     """Depth of elbow or forearm in the trunk that costs 0.5, for low elbows, cm."""
     sharpness: float = 2.5
@@ -117,7 +118,9 @@ def swivel_costs(
     reached = _from_forearm(np.stack(limited, axis=-1))
     # The angle between both rotations, from the cosine of its half.
     half = np.minimum(np.abs(np.einsum("...c,...c->...", reached, turned)), 1.0)
-    strain = sum(np.square(x - np.clip(x, *easy)) for x, easy in zip(limited, _COMFORTABLE_ANGLES, strict=True))
+    strain = sum(
+        np.square(x - np.clip(x, *comfortable)) for x, comfortable in zip(limited, _COMFORTABLE_ANGLES, strict=True)
+    )
     strain = strain / _COSTS.strain**2
     return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
@@ -135,7 +138,7 @@ def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: Fl
     """Costs (..., S) of elbows at ``swivels`` (S,) with twist, deviation and flexion ``angles``, each (..., S)."""
     usual = -np.deg2rad(signer.elbow_deg)
     turns = (*angles, swivels - usual)
-    cost = sum(np.square(angle / easy) for angle, easy in zip(turns, _COSTS.easy_angles, strict=True))
+    cost = sum(np.square(angle / unit) for angle, unit in zip(turns, _COSTS.unit_angles, strict=True))
     if signer.manner.low_elbows:
         cost = cost + signer.manner.low_elbows * _low_elbow_cost(arm, np.stack(angles, axis=-1), signer, swivels)
     return np.asarray(cost)
@@ -143,7 +146,7 @@ def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: Fl
 
 def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: FloatArray) -> FloatArray:
     """Costs (..., S) of candidate swivels that lift the elbow, put elbow or forearm into the trunk, or bend forearm and
-    wrist beyond their limits; angles (..., S, 3): twist, deviation and flexion.
+    wrist close to their limits or beyond; angles (..., S, 3): twist, deviation and flexion.
 
     Casual signing moves distal joints rather than proximal ones (Napoli et al. 2014), so elbows hang as low as body
     and wrists allow.
@@ -168,7 +171,7 @@ def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: Float
 
 def _trunk_depth(points: FloatArray) -> FloatArray:
     """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
-    side to side that ends at the shoulders.
+    side to side, whole up to the chest joint; from there it fades out to the height of the collar joints.
     """
     half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
     sideways = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
@@ -177,7 +180,7 @@ def _trunk_depth(points: FloatArray) -> FloatArray:
 
 
 def angles_of(quats: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Twist about X, then deviation and flexion, of rotations (..., 4) from forearm to hand."""
+    """Twist about X, then deviation and flexion, radians, of rotations (..., 4) from forearm to hand."""
     quats = quats * np.where(quats[..., 3:] < 0.0, -1.0, 1.0)
     x, y, z, w = quats.transpose(quats.ndim - 1, *range(quats.ndim - 1))
     half = np.arctan2(x, w)
@@ -283,14 +286,14 @@ def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: flo
     upper_arm, forearm = UPPER_ARM * arms, FOREARM * arms
     offset = (wrists - collar_position - shoulder_offset) / (upper_arm + forearm)  # (..., 3) over the arm's length
     x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
-    half = np.empty((2, *x.shape))
-    half[0], half[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
-    half = smooth_step(half)
-    half *= 0.5 * np.reshape((_SHARES.collar_rise, _SHARES.collar_swing), (2, *(1,) * x.ndim))
-    (rise, forward), (level, ahead) = np.sin(half), np.cos(half)
+    reached = np.empty((2, *x.shape))  # how far the hand is up and forward; the collar bone moves from 0 to 1
+    reached[0], reached[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
+    half_angles = smooth_step(reached)
+    half_angles *= 0.5 * np.reshape((_SHARES.collar_rise, _SHARES.collar_swing), (2, *(1,) * x.ndim))
+    (sin_rise, sin_swing), (cos_rise, cos_swing) = np.sin(half_angles), np.cos(half_angles)
     collar = np.empty((*x.shape, 4))  # Y after -Z
     collar[..., 0], collar[..., 1], collar[..., 2], collar[..., 3] = (
-        -forward * rise, forward * level, -ahead * rise, ahead * level)  # fmt: skip
+        -sin_swing * sin_rise, sin_swing * cos_rise, -cos_swing * sin_rise, cos_swing * cos_rise)  # fmt: skip
     direction = wrists - collar_position - rotation.rotate(collar, shoulder_offset)
     distance = _length(direction)
     direction = direction / distance
@@ -345,8 +348,8 @@ def hand_rotations(states: FloatArray, signer: Signer) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Wrist:
-    """Angles (...) between upper arm and hand, radians, before limits.
+class ArmAngles:
+    """Angles (...) of elbow, forearm and wrist, radians, before limits.
 
     swivel: rotation of the elbow about the line from shoulder to wrist; negative lifts it outwards
     twist: rotation of the forearm about itself, 0 with the thumb up
@@ -360,7 +363,7 @@ class Wrist:
     flexion: FloatArray
 
     @property
-    def angles(self) -> FloatArray:
+    def stacked(self) -> FloatArray:
         """Twist, deviation and flexion (..., 3)."""
         return np.stack([self.twist, self.deviation, self.flexion], axis=-1)
 
@@ -380,8 +383,8 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
     forearm and wrist are smallest there, and elbows hang low if the signer's manner says so.
 
     The swivel is a mean over candidates, weighted by exp(-sharpness * cost); the cost is the sum of squared angles,
-    each over an easy angle. The mean varies smoothly with the pose; the best candidate alone would jump. It is 0 for a
-    ``HangingElbowSigner``.
+    each over the angle that costs 1 (``ArmCosts``). The mean varies smoothly with the pose; the best candidate alone
+    would jump. It is 0 for a ``HangingElbowSigner``.
     """
     if isinstance(signer, HangingElbowSigner):
         return np.zeros(arm.bend.shape)
@@ -397,21 +400,21 @@ def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer)
     return np.asarray((weight @ swivels) / weight.sum(axis=-1))
 
 
-def wrist_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray | float = 0.0) -> Wrist:
-    """The wrist angles of arms whose hands have rotation vectors ``rotvecs`` (..., 3), with elbows turned by
-    ``swivels`` (...) from their easy places.
+def arm_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, turns: FloatArray | float = 0.0) -> ArmAngles:
+    """The angles of arms whose hands have rotation vectors ``rotvecs`` (..., 3), with elbows turned by ``turns`` (...),
+    radians, from their easy places.
     """
-    return wrist_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + swivels)
+    return arm_angles_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + turns)
 
 
-def wrist_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> Wrist:
-    """``wrist_angles`` for rotations (..., 4) from the forearms of hanging elbows, with elbows at ``swivels`` (...)."""
+def arm_angles_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> ArmAngles:
+    """``arm_angles`` for rotations (..., 4) from the forearms of hanging elbows, with elbows at ``swivels`` (...)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    return Wrist(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
+    return ArmAngles(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
 
 
 def hands_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
-    """Inverse of ``wrist_at``: the rotations with twist, deviation and flexion ``angles`` (..., 3)."""
+    """Inverse of ``arm_angles_at``: the rotations with twist, deviation and flexion ``angles`` (..., 3)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     return rotation.multiply(rotation.exp(swivels[..., None] * axis), _from_forearm(angles))
 
@@ -423,16 +426,16 @@ def _from_forearm(angles: FloatArray) -> FloatArray:
     return rotation.multiply(rotation.exp(twist), rotation.exp(swing))
 
 
-def is_easy(hand_states: FloatArray) -> NDArray[np.bool_]:
+def is_well_within_limits(hand_states: FloatArray) -> NDArray[np.bool_]:
     """Whether hand states (..., 27) of the standard signer use at most 85 % of each wrist and forearm limit, and the
     elbow stays bent by 20 degrees or more.
     """
     arm = solve_arm(hand_states[..., WRIST], STANDARD)
-    wrist = wrist_angles(arm, hand_states[..., ROTVEC], STANDARD)
+    angles = arm_angles(arm, hand_states[..., ROTVEC], STANDARD)
     low, high = 0.85 * WRIST_LIMITS.T
-    angles = np.stack([wrist.deviation, wrist.flexion], axis=-1)
-    bent = np.all((angles > low) & (angles < high), axis=-1)
-    return np.asarray(bent & (np.abs(wrist.twist) < 0.85 * FOREARM_LIMIT) & (arm.bend > 0.35))
+    wrist = np.stack([angles.deviation, angles.flexion], axis=-1)
+    is_within = np.all((wrist > low) & (wrist < high), axis=-1)
+    return np.asarray(is_within & (np.abs(angles.twist) < 0.85 * FOREARM_LIMIT) & (arm.bend > 0.35))
 
 
 def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip:
@@ -443,7 +446,7 @@ def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
     local_quats, roots = without_arms(states, signer)
-    turns = arm_rotations(*solve_arms_and_wrists(states, signer))
+    turns = arm_rotations(*solve_arms_and_angles(states, signer))
     chain = [turns[0], *(rotation.multiply(rotation.inverse(a), b) for a, b in itertools.pairwise(turns))]
     for n, side in enumerate(_sides(signer)):
         mirror = MIRROR_QUAT if side == "Left" else 1.0
@@ -464,7 +467,7 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     # Legs lean against the root's displacement, so that the feet stay in place.
     displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
     lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _SHARES.leg_cm
-    parts = [states[:, TRUNK] / part for part in _trunk_parts(signer)]
+    parts = [states[:, TRUNK] / divisor for divisor in _trunk_divisors(signer)]
     parts += [_SHARES.neck * states[:, HEAD], _SHARES.head * states[:, HEAD]]
     local_quats[:, _TRUNK_AND_HEAD + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
     fingers = hand.rotations(hands(states)[..., FINGERS])
@@ -478,30 +481,30 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     return local_quats, roots
 
 
-def solve_arms_and_wrists(states: FloatArray, signer: Signer) -> tuple[Arm, Wrist]:
+def solve_arms_and_angles(states: FloatArray, signer: Signer) -> tuple[Arm, ArmAngles]:
     """Both arms, as right arms, of states (..., 65), strong first, and their angles."""
     both = hands(states)
     arm = solve_arm(both[..., WRIST], signer)
-    return arm, wrist_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
+    return arm, arm_angles(arm, both[..., ROTVEC], signer, states[..., TURNS])
 
 
-def arm_rotations(arm: Arm, wrist: Wrist) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def arm_rotations(arm: Arm, angles: ArmAngles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Rotations (..., 4), in the chest's axes, of collar bone, upper arm, forearm and hand of right arms, with angles
     within their limits.
     """
-    swivel = rotation.exp(wrist.swivel[..., None] * arm.direction)
+    swivel = rotation.exp(angles.swivel[..., None] * arm.direction)
     upper, fore = rotation.multiply(swivel, np.stack([arm.upper, arm.fore]))
     # Half of the twist at the elbow, half at the wrist.
-    half = 0.5 * soft_clip(wrist.twist, -FOREARM_LIMIT, FOREARM_LIMIT, LIMIT_MARGIN)
+    half = 0.5 * soft_clip(angles.twist, -FOREARM_LIMIT, FOREARM_LIMIT, LIMIT_MARGIN)
     half_twist = rotation.exp(half[..., None] * [1.0, 0.0, 0.0])
     low, high = WRIST_LIMITS.T
-    bent = soft_clip(np.stack([wrist.deviation, wrist.flexion], axis=-1), low, high, LIMIT_MARGIN)
+    bent = soft_clip(np.stack([angles.deviation, angles.flexion], axis=-1), low, high, LIMIT_MARGIN)
     swing = rotation.exp(np.concatenate([np.zeros((*bent.shape[:-1], 1)), bent], axis=-1))
     fore = rotation.multiply(fore, half_twist)
     return arm.collar, upper, fore, rotation.multiply(fore, rotation.multiply(half_twist, swing))
 
 
-def _trunk_parts(signer: Signer) -> tuple[float, float, float]:
+def _trunk_divisors(signer: Signer) -> tuple[float, float, float]:
     """Divisors of the trunk's rotation for each joint of the spine: 3 each in plain motion; in captured signing the
     lowest joint turns several times as fast as the others.
     """

@@ -36,7 +36,8 @@ class NetworkConfig:
 
     recipe: hash of everything that its training depended on; None if unknown.
     n_parameters: number of weights.
-    trained_on: ``corpus`` and ``split`` of the corpus of pairs used for training; None if none was used.
+    trained_on: ``corpus`` and ``split`` of the corpus of pairs used for training, ``taught`` in bundle.json; None if
+        none was used.
     stored: the whole entry of bundle.json.
     """
 
@@ -105,8 +106,8 @@ def config_errors(path: Path) -> Iterator[None]:
     """Turns errors raised in the block into an ``InputError`` about the bundle.json at ``path``."""
     try:
         yield
-    except (TypeError, AttributeError, ValueError, InputError) as error:
-        reason = str(error)[:200]
+    except (TypeError, AttributeError, KeyError, ValueError, InputError) as error:
+        reason = (f"it has no {error}" if isinstance(error, KeyError) else str(error))[:200]
         raise InputError(f"{path}: is no description of a trained system ({reason}); export the system anew") from error
 
 

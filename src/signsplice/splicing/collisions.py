@@ -177,7 +177,7 @@ def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
     shoulder, elbow, wrist = (metres * posed.positions[:, info.arm_joints[3 * side + k]] for k in range(3))
     turns = swivel.choose(
         swivel.BentArm(shoulder, elbow, wrist, metres * body.radii[forearm[0]]),
-        swivel.Solid(metres * starts[:, solid], metres * ends[:, solid], metres * body.radii[solid]),
+        swivel.Obstacles(metres * starts[:, solid], metres * ends[:, solid], metres * body.radii[solid]),
         allowed,
         filled.fps,
     )

@@ -1,10 +1,11 @@
-"""Joins clips to one sentence, piece by piece: the filter layer of the paper's eq. 17, for any cutter and transition.
+"""Joins clips to one sentence, piece by piece: the filter layer (Huang et al. 2023, eq. 17), for any cutter and
+transition.
 
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 An emitted piece never changes: a word is final as soon as the next word is known. Frames of a sign are those of its
-aligned clip, bit for bit, or slerps between them under a tempo; only transition frames are new, and the arm of an idle
-hand that needs more time (``idle_hands``).
+aligned clip, bit for bit, or slerps between them under a tempo. New are only transition frames, what passes edit (arms
+of idle hands, spelled letters), and what rules add to faces.
 """
 
 from __future__ import annotations
@@ -81,8 +82,9 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
 
 def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Yields the pieces of the sentence in order, each as soon as the next clip is known; joined, they equal the result
-    of ``splice`` bit for bit, with one exception: a cutter that chooses all seams of a sentence together sees only two
-    words at a time here, and its choice differs if a word would be left before it was entered.
+    of ``splice`` bit for bit, with one exception: a cutter that chooses all seams of a sentence together
+    (``LearnedCutter``, the default) sees only two words at a time here, and its choice differs if a word would be left
+    before it was entered.
 
     Reads ``clips`` one ahead; yields nothing without clips. Raises as ``splice`` does, at the wrong clip.
     """

@@ -44,7 +44,9 @@ from signsplice.splicing.word import AlignedWord
 NONE, PRE, POST = 0, 1, 2
 """Classes of a frame: no token, prePositionToken, postPositionToken."""
 START, HIDDEN = 0, 2
-"""Kinds of a decoder's input: preIndexToken; a frame that it makes in the same pass."""
+"""Kinds of a decoder's input: preIndexToken; a frame that it makes in the same pass. 1, a frame fed back, is not used
+here.
+"""
 EXTENT = 1.3
 """Side of the cube, in statures, that is scaled to [-0.5, 0.5]^3: wide enough for every reach."""
 
@@ -80,8 +82,8 @@ def cull(before: Array, after: Array, pre: int, post: int, fr: int) -> tuple[Arr
 
 
 def decode(graphs: Sessions, encoded: Mapping[str, Array], most_frames: int, n_numbers: int) -> dict[str, Array]:
-    """What the decoder gives for all frames in one pass: ``made`` (1, n, K) and ``last`` (1, n), the logit of the last
-    frame.
+    """What the decoder gives for all frames in one pass: ``made`` (1, n, K), and ``last`` (1, n), the logit that a
+    frame is the last one.
 
     encoded: the encoder's outputs.
     """
@@ -118,7 +120,7 @@ class SplicePrediction:
         return self.pre is not None and self.post is not None and len(self.frames) > 0
 
 
-class PositionSplicer(WholeSystem):
+class JointPositionSplicer(WholeSystem):
     """A system that reads joint positions, on clips of any rig; ``predict_splice`` does the work."""
 
     learned = True
@@ -139,7 +141,7 @@ class PositionSplicer(WholeSystem):
         return self.filled_seam(before, after, spliced.pre, spliced.post, new_clip, spliced.warnings)
 
 
-class LpTransformer(PositionSplicer):
+class LpTransformer(JointPositionSplicer):
     """SPSN for the positions and TFGN for the frames, as exported graphs: LpTransformer, and LPT+.
 
     graphs: spsn, encoder and decoder.
@@ -272,7 +274,9 @@ def _open_graphs(folder: Path) -> LpTransformer:
 
 
 def _is_lptransformer(stored: Mapping[str, Any]) -> bool:
-    """Whether a bundle.json is of two networks for the standard signer's joints, with Culling between them."""
+    """Whether a bundle.json is of a system with positions by SPSN and frames in one pass (``concurrent``), made from
+    the frames that Culling keeps (``fr``; not from ``marked`` words), on the standard signer's body (no ``space``).
+    """
     runs = stored.get("runs") or {}
-    reads_all = runs.get("positions") == "spsn" and runs.get("concurrent") and not runs.get("marked")
-    return bool(reads_all) and stored.get("fr") is not None and stored.get("space") is None
+    is_one_pass = runs.get("positions") == "spsn" and runs.get("concurrent") and not runs.get("marked")
+    return bool(is_one_pass) and stored.get("fr") is not None and stored.get("space") is None

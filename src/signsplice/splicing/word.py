@@ -72,7 +72,8 @@ _SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """Replaces the motion of some joints of a word in some frames. Edits are the only way to change a word.
+    """Replaces the motion of some joints of a word in some frames. After planning, only edits change a
+    word's joints.
 
     joints: K indices.
     first_frame: the first of n frames of the retimed word.

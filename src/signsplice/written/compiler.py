@@ -1,7 +1,8 @@
 """Compiles written signs (``tree``) into the notation: postures, movements between them, repetitions.
 
-A sign whose hands mirror each other throughout compiles to ``hands=symmetric``. Every other two-handed sign compiles to
-``hands=base``: its weak hand has its own postures and paths.
+A sign whose hands mirror each other throughout compiles to ``hands=symmetric``, or to ``hands=alternating`` if they
+alternate in a single movement. Every other two-handed sign compiles to ``hands=base``: its weak hand has its own
+postures and paths.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from signsplice.signer.locations import WeakArm, strong_hand
 from signsplice.signer.notation import notation_path, notation_text, parse
 from signsplice.signer.phonology import Path, Posture, Segment, Sign, faults, on_base
 from signsplice.signer.signer import STANDARD
-from signsplice.written.hands import KINDS, HandState, complete_hand_state, from_skin, palm_point, weak_arm
+from signsplice.written.hands import KINDS, WrittenHand, complete_hand, from_skin, palm_point, weak_arm
 from signsplice.written.nonmanual import body_tracks
 from signsplice.written.steps import Step, View, common_tempo, steps, subdivide_steps
 from signsplice.written.tree import (
@@ -37,7 +38,7 @@ from signsplice.written.vocabulary import ON_ARM, Spot, part_of_hand, plus, poin
 
 @dataclass(frozen=True)
 class Tracked:
-    """A segment, and whether it is an unmarked return movement."""
+    """A segment, and whether it is a return movement (``Step.back``)."""
 
     segment: Segment
     back: bool = False
@@ -98,7 +99,7 @@ def _longer(before: Segment, segment: Segment) -> Segment:
 _GAP_CM = {"close": 3.0, "armextended": 12.0}
 """Contact -> gap between the hands of a pair, cm; 0 for every other contact."""
 _PAIR_SPACE = "space:0,2,26"
-"""Default location of a pair."""
+"""Default location of a pair: out, up and forward from the chest joint, cm."""
 _PAIR_FORWARD = 24.0
 """Least distance from the chest joint to a pair in front of the body, cm."""
 _MET_CM = 0.01
@@ -107,7 +108,7 @@ _TEMPO = (0.25, 3.0)
 """Lowest and highest tempo of a segment."""
 _RETURN_TEMPO = 1.2
 """Tempo of a return movement."""
-_WEAK_ARM = WrittenPosture(fingers=("or",), palm=("d",), place=Place("stomach", contact="close"))
+_DEFAULT_WEAK_HAND = WrittenPosture(fingers=("or",), palm=("d",), place=Place("stomach", contact="close"))
 """Default weak hand of a one-handed sign that is made at the weak hand."""
 
 
@@ -130,6 +131,7 @@ def _where(sign: WrittenSign) -> str:
 
 
 def _compile_parts(sign: WrittenSign, lenient: bool) -> Sign:
+    """Compiles a sign, or the parts of a compound one after another, without checking the result."""
     parts = sign.parts or (sign,)
     gloss = re.sub(r"[\s=:]+", "-", sign.gloss.strip()) or "SIGN"
     mirrored = all(is_symmetric(part) for part in parts)
@@ -138,17 +140,20 @@ def _compile_parts(sign: WrittenSign, lenient: bool) -> Sign:
     alternating = mirrored and any(map(alternates, parts))
     if alternating and not _one_move(compiler):
         compiler, alternating = _Compiler(parts, "base", lenient), False
-    hands, segments = "alternating" if alternating else compiler.hands, collapse_repetitions(compiler.track)
+    hands = "alternating" if alternating else compiler.hands
+    segments = collapse_repetitions(compiler.track)
     if any(s.kind == "M" for s in segments):
         segments = [*segments, Segment("H", segments[-1].strong, segments[-1].weak)]
     else:
         segments = [replace(segments[-1], kind="H")]
     result = Sign(gloss, hands, tuple(segments), _source(sign), kind="written", gestures=body_tracks(sign))
-    return parse(notation_text(result))[gloss]
+    return parse(notation_text(result))[gloss]  # the sign that its text gives: numbers are rounded there
 
 
 def _same_direction(strong_step: Step, weak_step: Step) -> bool:
-    """Whether both hands move in the same direction."""
+    """Whether both hands move in the same direction. The weak step is in the weak hand's own axes, so it is compared
+    with the mirrored strong step.
+    """
     mirror_view = View((-1.0, 1.0, 1.0), 1)
     mirrored_path = replace(
         strong_step.path,
@@ -172,56 +177,67 @@ def _source(sign: WrittenSign) -> str:
 
 
 def _one_move(compiler: _Compiler) -> bool:
+    """Whether the notation can alternate the sign: one movement, which is a circle or ends without touch."""
     moves = [s for s in collapse_repetitions(compiler.track) if s.kind == "M"]
     return len(moves) == 1 and (moves[0].path.kind == "circle" or not moves[0].strong.touch)
 
 
 class _Compiler:
-    """The segments compiled so far and the state of both hands after them."""
+    """The segments compiled so far, and both hands after them.
+
+    hands: hands of the notation: one, symmetric or base
+    track: the segments
+    pair: the last written pair, or None
+    saved: (0 strong or 1 weak, group) -> the hand at the beginning of that group of steps
+    written_hands: kind of hands of the part being compiled (``KINDS``)
+    two_handed: whether it is written for both hands
+    """
 
     def __init__(self, parts: Sequence[WrittenSign], hands: str, lenient: bool) -> None:
         self.hands, self.lenient = hands, lenient
         self.track: list[Tracked] = []
-        self.strong, self.weak = HandState(0), HandState(1)
+        self.strong, self.weak = WrittenHand(0), WrittenHand(1)
         self.pair: Pair | None = None
-        self.saved: dict[tuple[int, int], HandState] = {}
-        self.kind, self.two = "one", False
+        self.saved: dict[tuple[int, int], WrittenHand] = {}
+        self.written_hands, self.two_handed = "one", False
         for part in parts:
             self._add(part)
 
     def _add(self, sign: WrittenSign) -> None:
         """Add a sign, or a part of a compound."""
-        self.kind, self.two = sign.hands, sign.hands not in ("one", "weak")
-        held_weak = self.weak if sign.holdover else HandState(1)
-        self.strong, self.weak, self.pair = HandState(0, meets=self.hands == "symmetric"), HandState(1), None
+        self.written_hands, self.two_handed = sign.hands, sign.hands not in ("one", "weak")
+        held_weak = self.weak if sign.holdover else WrittenHand(1)
+        self.strong, self.weak, self.pair = WrittenHand(0, meets=self.hands == "symmetric"), WrittenHand(1), None
         self.saved = {}
         weak_takes_part = is_two_handed(sign)
         if sign.hands != "weak":
-            self.strong = complete_hand_state(self.strong.apply_written_posture(sign.posture, self.kind), self.lenient)
+            written = self.strong.apply_written_posture(sign.posture, self.written_hands)
+            self.strong = complete_hand(written, self.lenient)
         if sign.holdover:
             self.weak = held_weak
         elif self.hands == "base" and weak_takes_part:
-            start = self.weak.apply_written_posture(sign.posture, self.kind, literal=sign.hands == "weak")
-            if self.kind == "one":
-                start = HandState(1, start.shape).apply_written_posture(_WEAK_ARM, "one", literal=True)
+            start = self.weak.apply_written_posture(sign.posture, self.written_hands, literal=sign.hands == "weak")
+            if self.written_hands == "one":
+                start = WrittenHand(1, start.shape).apply_written_posture(_DEFAULT_WEAK_HAND, "one", literal=True)
                 start = start.apply_written_posture(sign.posture.weak, "one", literal=True)
-            self.weak = complete_hand_state(start, self.lenient)
+            self.weak = complete_hand(start, self.lenient)
         self._place(
             sign.posture,
             first=True,
-            hands=(sign.hands != "weak", self.hands == "base" and weak_takes_part and not sign.holdover),
+            moves=(sign.hands != "weak", self.hands == "base" and weak_takes_part and not sign.holdover),
         )
-        self._emit(Step(), Step(), first=True)
-        weak_view = View(KINDS[self.kind][2], 1, literal=sign.hands == "weak", opposite=sign.alternating)
+        self._emit(Step(), Step())
+        _, _, weak_signs = KINDS[self.written_hands]
+        weak_view = View(weak_signs, 1, literal=sign.hands == "weak", opposite=sign.alternating)
         strong_steps: list[Step] = []
         weak_steps: list[Step] = []
-        for n, motion in enumerate(sign.motions):
-            strong_part = steps(motion, View(), 100 + n) if sign.hands != "weak" else []
+        for group, motion in enumerate(sign.motions, 100):  # groups within group g are numbered from 10 g
+            strong_part = steps(motion, View(), group) if sign.hands != "weak" else []
             weak_part: list[Step] = []
             if self.hands == "base" and weak_takes_part:
-                moves = sign.hands not in ("one", "two") or splits((motion,))
+                weak_moves = sign.hands not in ("one", "two") or splits((motion,))
                 weak_part = (
-                    steps(motion, weak_view, 100 + n) if moves else [_of_weak_hand(step) for step in strong_part]
+                    steps(motion, weak_view, group) if weak_moves else [_of_weak_hand(step) for step in strong_part]
                 )
             count = max(len(strong_part), len(weak_part))
             strong_steps += subdivide_steps(strong_part, count)
@@ -252,19 +268,19 @@ class _Compiler:
         alone = weak_step.path.kind != "straight" and not _same_direction(strong_step, weak_step)
         self.strong = self._move_hand(self.strong, strong_step, self.weak.posture, before, alone)
         for target in dict.fromkeys(t for t in targets if t is not None):
-            self._place(target, first=False, hands=(target is strong_step.target, target is weak_step.target))
-        self._emit(strong_step, weak_step, first=False)
+            self._place(target, first=False, moves=(target is strong_step.target, target is weak_step.target))
+        self._emit(strong_step, weak_step)
 
     def _move_hand(
-        self, state: HandState, step: Step, weak: Posture | None, before: Posture | None, alone: bool = False
-    ) -> HandState:
+        self, hand: WrittenHand, step: Step, weak: Posture | None, before: Posture | None, alone: bool = False
+    ) -> WrittenHand:
         """Returns a hand after a step, before it moves to a target place."""
-        if state.posture is None:
-            return state
-        if step.back is not None and (state.which, step.back) in self.saved:
-            saved = self.saved[state.which, step.back]
+        if hand.posture is None:
+            return hand
+        if step.back is not None and (hand.which, step.back) in self.saved:
+            saved = self.saved[hand.which, step.back]
             return saved if unit(step.beyond) is None else saved.move_by(step.beyond, weak, before)
-        changed = state.apply_written_posture(step.target, self.kind, step.literal)
+        changed = hand.apply_written_posture(step.target, self.written_hands, step.literal)
         return changed.move_by(step.travel, weak, before, fast=step.tempo > 1.0, alone=alone)
 
     def _swap(self) -> None:
@@ -284,39 +300,39 @@ class _Compiler:
             return
         touched = replace(brushing, contact="touch")
         posture = WrittenPosture(place=touched) if isinstance(touched, Place) else WrittenPosture(pair=touched)
-        self.strong = self.strong.apply_written_posture(posture, self.kind)
-        self._place(posture, first=False, hands=(True, False))
-        self._emit(Step(), Step(), first=False)
+        self.strong = self.strong.apply_written_posture(posture, self.written_hands)
+        self._place(posture, first=False, moves=(True, False))
+        self._emit(Step(), Step())
 
-    def _place(self, posture: WrittenPosture, first: bool, hands: tuple[bool, bool]) -> None:
-        """Move the hands to the place of a written posture."""
+    def _place(self, posture: WrittenPosture, first: bool, moves: tuple[bool, bool]) -> None:
+        """Move the hands that ``moves`` names (strong, weak), or both if they are a pair, to the place of a posture."""
         weak_posture = posture.weak or WrittenPosture()
         pair = posture.pair or weak_posture.pair
-        if (first or posture.place is not None) and hands[0]:
-            self.strong = self.strong.at_place(self.two)
-        if hands[1] and (first or posture.place is not None or weak_posture.place is not None):
-            self.weak = self.weak.at_place(self.two)
+        if (first or posture.place is not None) and moves[0]:
+            self.strong = self.strong.at_place(self.two_handed)
+        if moves[1] and (first or posture.place is not None or weak_posture.place is not None):
+            self.weak = self.weak.at_place(self.two_handed)
         if pair is None:
             return
-        if self.kind == "weak" or (self.kind == "one" and pair.weak is None and pair.place is None):
-            self._nearer(pair)
+        if self.written_hands == "weak" or (self.written_hands == "one" and pair.weak is None and pair.place is None):
+            self._change_contact(pair)
             return
         last = self.pair or Pair()
         bare = pair.weak is None and pair.strong is None
         self.pair = replace(pair, weak=last.weak, strong=last.strong) if bare and not first else pair
         self._meet(self.pair, posture.place, first)
 
-    def _nearer(self, pair: Pair) -> None:
+    def _change_contact(self, pair: Pair) -> None:
         """Move the only hand to its last place with another contact."""
-        state = self.weak if self.kind == "weak" else self.strong
-        place = replace(state.place or Place("chest"), contact=pair.contact)
+        hand = self.weak if self.written_hands == "weak" else self.strong
+        place = replace(hand.place or Place("chest"), contact=pair.contact)
         if place.between is not None:
             place = replace(place, between=replace(place.between, contact=pair.contact))
-        state = replace(state, place=place).at_place(two_handed=False)
-        if state.which:
-            self.weak = state
+        hand = replace(hand, place=place).at_place(two_handed=False)
+        if hand.which:
+            self.weak = hand
         else:
-            self.strong = state
+            self.strong = hand
 
     def _meet(self, pair: Pair, place: Place | None, first: bool) -> None:
         """Bring both hands together at the written parts, or at their nearest points if none are written."""
@@ -347,17 +363,17 @@ class _Compiler:
             self.weak = self.weak.at(replace(where, part=weak_part), False)
         weak = self.weak.current_posture
         if pair.weak is None and pair.strong is None:
-            self.strong = self._nearest(weak, gap)
+            self.strong = self._beside_weak_hand(weak, gap)
         else:
             where = Spot(arm or f"base-{weak_part}", gap, part=strong_part)
             self.strong = self.strong.at(where, False, touch=gap < 1.0)
 
-    def _apart(self, gap: float) -> HandState:
+    def _apart(self, gap: float) -> WrittenHand:
         """Returns the strong hand at the distance from the midline that leaves ``gap`` between two mirrored hands."""
         posture = replace(self.strong.current_posture, touch=False)
-        nobody = WeakArm(STANDARD, np.zeros(27))
+        no_arm = WeakArm(STANDARD, np.zeros(27))
         for _ in range(4):
-            state = strong_hand(posture, nobody, meets=True)
+            state = strong_hand(posture, no_arm, meets=True)
             missing = gap - float(between_hands(pose.of_hands(state, state)[None], STANDARD)[0])
             posture = replace(posture, off=posture.off + 0.5 * missing)
             if abs(missing) < _MET_CM:
@@ -375,7 +391,7 @@ class _Compiler:
             return spot(self.strong.place, own_side=False)
         return Spot(_PAIR_SPACE)
 
-    def _nearest(self, weak: Posture, gap: float) -> HandState:
+    def _beside_weak_hand(self, weak: Posture, gap: float) -> WrittenHand:
         """Returns the strong hand beside the weak hand, at its height, with ``gap`` between their skins."""
         middle = palm_point(weak, None)
         arm = weak_arm(weak)
@@ -392,8 +408,8 @@ class _Compiler:
                 break
         return replace(self.strong, posture=posture)
 
-    def _emit(self, strong_step: Step, weak_step: Step, first: bool) -> None:
-        """Append a movement to the current postures of both hands, or the first posture."""
+    def _emit(self, strong_step: Step, weak_step: Step) -> None:
+        """Append a movement to the current postures of both hands; the sign's first posture if the track is empty."""
         strong = self.strong.current_posture
         weak = self.weak.current_posture if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None

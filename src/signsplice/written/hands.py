@@ -1,4 +1,4 @@
-"""The state of one hand of a written sign: what is written for it, and its posture in the notation.
+"""One hand of a written sign: what is written for it, and its posture in the notation.
 
 Letters written for both hands apply to the strong hand. The kind of hands says which of them are exchanged for the weak
 hand. After the exchange, l means left for either hand.
@@ -88,7 +88,7 @@ def _of_weak_hand(posture: WrittenPosture, kind: str) -> WrittenPosture:
 
 
 @dataclass(frozen=True)
-class HandState:
+class WrittenHand:
     """A hand of a written sign.
 
     which: 0 strong, 1 weak
@@ -120,7 +120,7 @@ class HandState:
             palm_axis = facing(finger_axis, self.palm)
         return (_own(finger_axis), _own(palm_axis)) if self.which else (finger_axis, palm_axis)
 
-    def apply_written_posture(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> HandState:
+    def apply_written_posture(self, posture: WrittenPosture | None, kind: str, literal: bool = False) -> WrittenHand:
         """Sets the written values of a posture and keeps ``posture``. ``literal``: they are written for this hand."""
         if posture is None:
             return self
@@ -129,7 +129,7 @@ class HandState:
         names = ("shape", "fingers", "palm", "place")
         return replace(self, **{name: getattr(posture, name) or getattr(self, name) for name in names})
 
-    def at(self, where: Spot, one_handed: bool, touch: bool | None = None) -> HandState:
+    def at(self, where: Spot, one_handed: bool, touch: bool | None = None) -> WrittenHand:
         """Returns the hand with its posture at a spot."""
         assert self.shape is not None
         finger_axis, palm_axis = self.axes
@@ -140,7 +140,7 @@ class HandState:
         )  # fmt: skip
         return replace(self, posture=posture)
 
-    def at_place(self, two_handed: bool) -> HandState:
+    def at_place(self, two_handed: bool) -> WrittenHand:
         """Returns the hand with its posture at its written place."""
         place = self.place or Place("")
         if self.which:
@@ -152,7 +152,7 @@ class HandState:
 
     def move_by(
         self, travel: Vector, weak: Posture | None, before: Posture | None, fast: bool = False, alone: bool = False
-    ) -> HandState:
+    ) -> WrittenHand:
         """Returns the hand after a motion: the palm travels, but in a touch that only turns the touching part stays.
 
         weak: the weak hand's current posture, at which the strong hand may be
@@ -184,7 +184,7 @@ class HandState:
         shift = plus(plus(old_palm, travel), palm_point(turned, weak), -1.0)
         return replace(self, posture=replace(turned, shift=shift))
 
-    def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> HandState:
+    def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> WrittenHand:
         """Returns the hand after a motion away from the other hand."""
         location = in_space(plus(palm_point(self.current_posture, before, self.meets), travel))
         return replace(self, posture=replace(_by_palm(turned), location=location))
@@ -210,14 +210,14 @@ def _own(v: Vector) -> Vector:
     return (-v[0], v[1], v[2])
 
 
-def complete_hand_state(state: HandState, lenient: bool) -> HandState:
-    """Fills in shape and directions if ``lenient``; otherwise raises ``InputError`` if one is missing."""
+def complete_hand(hand: WrittenHand, lenient: bool) -> WrittenHand:
+    """Fills in a hand's shape and directions if ``lenient``; otherwise raises ``InputError`` if one is missing."""
     words = {"shape": "handshape", "fingers": "finger direction", "palm": "palm direction"}
-    missing = [words[name] for name in words if getattr(state, name) is None]
+    missing = [words[name] for name in words if getattr(hand, name) is None]
     if missing and not lenient:
         raise InputError(f"has no {missing[0]}")
-    shape, fingers, palm = state.shape or WrittenShape("flat"), state.fingers or ("o",), state.palm or ("d",)
-    return replace(state, shape=shape, fingers=fingers, palm=palm)
+    shape, fingers, palm = hand.shape or WrittenShape("flat"), hand.fingers or ("o",), hand.palm or ("d",)
+    return replace(hand, shape=shape, fingers=fingers, palm=palm)
 
 
 def _shift_posture(posture: Posture, travel: Vector, weak: Posture | None, fast: bool) -> Posture:
@@ -245,8 +245,8 @@ def _offset_location(location: str, travel: Vector) -> str:
 
 def _goes(location: str, slid: str, travel: Vector) -> bool:
     """Whether a slide between two body locations covers enough of ``travel``: skin may end or turn away."""
-    nobody = weak_arm(None)
-    displacement = locations.locate(slid, nobody).point - locations.locate(location, nobody).point
+    resting = weak_arm(None)
+    displacement = locations.locate(slid, resting).point - locations.locate(location, resting).point
     return float(displacement @ (MIRROR * travel)) >= _LEAST_SLIDE * dot(travel, travel)
 
 

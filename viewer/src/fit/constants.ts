@@ -83,9 +83,9 @@ export const gltf_mesh = {
   JOINT_BYTES: 400,
   LOOSE: ["acc", "accessories", "accessory", "ahoge", "backpack", "bag", "bangs", "bow", "braid", "cap", "cape", "cloak", "coat", "earring", "earrings", "eyelash", "eyelashes", "glasses", "goggles", "hair", "hat", "helmet", "hood", "horn", "lash", "lashes", "mask", "necklace", "necktie", "outline", "ponytail", "ribbon", "scarf", "skirt", "tail", "twintail", "weapon", "wig", "wing"],
   CLOTH: ["blouse", "boots", "bottom", "bottoms", "cloth", "clothes", "clothing", "cuff", "cuffs", "dress", "glove", "gloves", "hoodie", "jacket", "jeans", "kimono", "onepiece", "outfit", "pants", "robe", "shirt", "shoe", "shoes", "shorts", "sleeve", "sleeves", "socks", "suit", "sweater", "top", "tops", "trousers", "tshirt", "uniform", "vest", "yukata"],
-  SOFT: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
+  SKIN_JOINTS: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
   LOOSE_SIGNS: ["髪", "スカート", "リボン", "帽", "眼鏡"],
-  SOFT_SIGNS: ["胸", "乳"],
+  SKIN_JOINT_SIGNS: ["胸", "乳"],
 } as const;
 
 export const skin_surface = {

@@ -9,7 +9,7 @@ import { SkinPoints } from './points.js';
 
 const LOOSE: ReadonlySet<string> = new Set(WORDS.LOOSE);
 const CLOTH: ReadonlySet<string> = new Set(WORDS.CLOTH);
-const SOFT: ReadonlySet<string> = new Set(WORDS.SOFT);
+const SKIN_JOINTS: ReadonlySet<string> = new Set(WORDS.SKIN_JOINTS);
 
 interface Node {
   name?: string;
@@ -132,8 +132,8 @@ class Carriers {
       const row = this.rows.get(node);
       if (row !== undefined) return { row, isSkin };
       const name = this.json.nodes[node]!.name ?? '';
-      const isSoft = [...words(name)].some((word) => SOFT.has(word)) || WORDS.SOFT_SIGNS.some((sign) => name.includes(sign));
-      isSkin &&= isSoft || !(isLoose(name) || this.springs.has(node));
+      const isNamed = [...words(name)].some((word) => SKIN_JOINTS.has(word)) || WORDS.SKIN_JOINT_SIGNS.some((sign) => name.includes(sign));
+      isSkin &&= isNamed || !(isLoose(name) || this.springs.has(node));
     }
     return { row: null, isSkin: false };
   }

@@ -85,23 +85,23 @@ def test_all_postures_are_within_reach_and_joint_limits(signs: list[Sign]) -> No
             hand_state = locations.strong_hand(segment.strong, WeakArm(STANDARD, weak), meets)
             arm = pose.solve_arm(hand_state[pose.WRIST], STANDARD)
             assert arm.bend > 0.3, f"{sign.gloss}: the arm is stretched"
-            wrist = pose.wrist_angles(arm, hand_state[pose.ROTVEC], STANDARD)
+            angles = pose.arm_angles(arm, hand_state[pose.ROTVEC], STANDARD)
             (low_side, high_side), (low_bent, high_bent) = pose.WRIST_LIMITS
-            assert low_side < wrist.deviation < high_side, sign.gloss
-            assert low_bent < wrist.flexion < high_bent, sign.gloss
-            assert abs(wrist.twist) < pose.FOREARM_LIMIT, sign.gloss
-            assert pose.is_easy(hand_state), sign.gloss
+            assert low_side < angles.deviation < high_side, sign.gloss
+            assert low_bent < angles.flexion < high_bent, sign.gloss
+            assert abs(angles.twist) < pose.FOREARM_LIMIT, sign.gloss
+            assert pose.is_well_within_limits(hand_state), sign.gloss
 
 
 def test_far_or_bent_hands_are_not_easy() -> None:
     posture = Posture("B", "space", "palm", (-1.0, 0.0, 0.0), (0.0, 0.6, 0.8))
     easy = locations.strong_hand(posture, WeakArm(STANDARD, np.zeros(27)))
-    assert pose.is_easy(easy)
+    assert pose.is_well_within_limits(easy)
     far, bent = easy.copy(), easy.copy()
     far[2] += 40.0
     bent[4] += 1.5
-    assert not pose.is_easy(far)
-    assert not pose.is_easy(bent)
+    assert not pose.is_well_within_limits(far)
+    assert not pose.is_well_within_limits(bent)
 
 
 @pytest.mark.parametrize("seed", [0, 5, 11, 23, 42])

@@ -105,7 +105,7 @@ def test_pages_of_real_clips_are_skipped_with_a_line(
 def test_the_commands_of_the_pages_run_and_give_what_the_pages_show(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = ["seams", "bodies", "tempo", "bench"]
+    names = ["seams", "bodies", "tempo", "person", "bench"]
     monkeypatch.setattr(measured, "git", lambda *_: "0" * 40)
     monkeypatch.setattr(sys, "argv", ["measured.py", *names, "--small", str(tmp_path)])
     measured.main()

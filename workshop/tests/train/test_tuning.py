@@ -66,9 +66,10 @@ def test_tuning_starts_from_the_weights_of_the_graph() -> None:
     dataset = tuning.ClipGapDataset([word("HELLO").clip, word("DEAF").clip], 0, 4)
     inputs = [{"tokens": dataset.batch(rows).tokens} for rows in ([0, 1], [2], [3])]
     compare("bridge", ExportGraph(network.eval(), inputs[0], ("turns",), {}, tuple(inputs[1:])), content)
-    network.out.bias.data.add_(0.1)
-    with pytest.raises(SignspliceError, match="differ in turns"):
-        compare("bridge", ExportGraph(network, inputs[0], ("turns",), {}, tuple(inputs[1:])), content)
+    for added in (0.1, np.nan):
+        network.out.bias.data.add_(added)
+        with pytest.raises(SignspliceError, match="differ in turns"):
+            compare("bridge", ExportGraph(network, inputs[0], ("turns",), {}, tuple(inputs[1:])), content)
 
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")

@@ -104,7 +104,7 @@ def predict(bundle: Path, pairs: Path, split: str, output: Path) -> None:
     protocol.check_allowed(system.config.stored, corpus, chosen_pairs, bundle.name)
     with progress(f"{system.name}, {split}") as advance:
         predictions.write(protocol.make_answer(corpus, system), chosen_pairs, output, advance)
-    print(f"{output}: {len(chosen_pairs.numbers)} predictions of {system.name}")
+    print(f"{output}: {len(chosen_pairs.pair_numbers)} predictions of {system.name}")
 
 
 @click.command()

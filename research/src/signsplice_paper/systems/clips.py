@@ -1,8 +1,8 @@
 """The paper's systems on clips: positions in, positions out, and back to rotations.
 
-A system of the standard corpora reads any rig, on the standard signer's body (``PositionSplicer``). One that learned
-from your own clips reads the positions of your rig's joints, as coordinates in a fixed cube (``NumberSpace``, the
-bundle's ``space``): clips need joints of these names, in any unit; they may have more.
+A system of the standard corpora reads any rig, on the standard signer's body (``JointPositionSplicer``). One that
+learned from your own clips reads the positions of your rig's joints, as coordinates in a fixed cube (``NumberSpace``,
+the bundle's ``space``): clips need joints of these names, in any unit; they may have more.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from signsplice.rig.align import ORIGIN, Placement, Reference, is_same_skeleton,
 from signsplice.rig.info import rig_info
 from signsplice.splicing.bundle import bundle_sha256
 from signsplice.splicing.from_positions import clip_of_positions
-from signsplice.splicing.lptransformer import PositionSplicer, SplicePrediction
+from signsplice.splicing.lptransformer import JointPositionSplicer, SplicePrediction
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.systems import WholeSystem
 from signsplice.splicing.word import AlignedWord
@@ -33,7 +33,7 @@ system learned from words where they were recorded.
 _FACTS = ("scale", "optimiser", "split", "seed", "corpus")
 
 
-class ClipSplicer(PositionSplicer):
+class ClipSplicer(JointPositionSplicer):
     """A trained system that splices words by itself, as in the paper (``SpliceOptions.system``)."""
 
     def __init__(self, system: PaperSystem, sha256: str | None = None) -> None:

@@ -131,6 +131,27 @@ def bodies(
 
 
 @_add_command
+@click.argument("n_sentences", type=click.IntRange(1), required=False, metavar="[N]")
+@click.option("--clips", "files", multiple=True, metavar="FILE", help="This clip, in place of sentences; may be "
+              "repeated.")  # fmt: skip
+@_FPS
+@reads_poses
+def person(n_sentences: int | None, files: tuple[str, ...], fps: float | None, roles: str | None) -> Measured:
+    """Idle hands, head, trunk and face in N sentences (5) of each kind of words, or in clips."""
+    from signsplice.splicing.durations import CITATION, NATURAL
+    from signsplice_workshop.measure import person as measuring
+
+    if files and n_sentences is not None:
+        raise InputError(f"{n_sentences} sentences and --clips, expected one of them")
+    with progress("person") as advance:
+        if files:
+            rows = measuring.measure_clips(_load_clips(files, fps, roles), advance)
+        else:
+            rows = measuring.compare(n_sentences or 5, (CITATION, NATURAL), advance)
+    return measuring.SIGNATURE, rows, measuring.table(rows)
+
+
+@_add_command
 @click.argument("files", nargs=-1, required=True, metavar="AVATAR...")
 @click.option("--clips", "recorded", multiple=True, metavar="FILE", help="This clip, in place of six words that ship; "
               "may be repeated.")  # fmt: skip
@@ -145,7 +166,7 @@ def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, 
     with open_shipped_lexicon() as lexicon:
         words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _load_clips(recorded, None, None)
     with progress("avatars") as advance:
-        rows = measuring.compare(loaded, words, advance)
+        rows = measuring.measure_words(loaded, words, advance)
     return measuring.signature(words), rows, measuring.table(rows)
 
 

@@ -30,7 +30,7 @@ from signsplice.signer import locations, phonology, pose
 from signsplice.signer.collisions import hand_clearances
 from signsplice.signer.locations import WeakArm, resting
 from signsplice.signer.phonology import Local, Path, Posture, Segment, Sign, faults
-from signsplice.signer.pose import MIRROR, is_easy
+from signsplice.signer.pose import MIRROR, is_well_within_limits
 from signsplice.signer.signer import STANDARD, stream
 from signsplice.signer.tables import Vector, sections
 
@@ -277,8 +277,8 @@ def _pick(rng: np.random.Generator, table: dict[T, float]) -> T:
 
 
 def _find_easy_segment(segments: Sequence[Segment], hands: str) -> Segment | None:
-    """Returns the first segment whose posture the standard signer's arms reach with every angle within easy limits and
-    without a hand in the body; None if there is none.
+    """Returns the first segment whose posture the standard signer's arms reach with every angle well within its limits
+    and without a hand in the body; None if there is none.
     """
     mirrored = hands in ("symmetric", "alternating")
     arms = {segment.weak: _solve_weak_arm(segment.weak) for segment in segments}
@@ -292,7 +292,7 @@ def _find_easy_segment(segments: Sequence[Segment], hands: str) -> Segment | Non
     solved = [locations.strong_wrist(segment.strong, arms[segment.weak], mirrored) for segment in reachable]
     wrists, quats, angles = (np.stack(parts) for parts in zip(*solved, strict=True))
     hand_states = np.concatenate([wrists, pose.hand_rotvecs(wrists, quats, STANDARD), angles], axis=-1)
-    chosen = np.flatnonzero(is_easy(hand_states) & _is_in_front(hand_states, mirrored))
+    chosen = np.flatnonzero(is_well_within_limits(hand_states) & _is_in_front(hand_states, mirrored))
     if not len(chosen):
         return None
     rest = resting(STANDARD)[27:54]

@@ -1,7 +1,10 @@
-"""Measures words on avatars: distance of every vertex of a hand from the skin that it touches, in a player's pose.
+"""Measures words on avatars: distance of a hand's vertices from the skin that it touches, skinned as players do it
+(linear blend).
 
-The fit of motion to an avatar looks at some points of hands and skin; here every vertex of a hand is measured in every
-frame, against points 3 mm apart on the posed triangles of head, neck and trunk, or of the other hand.
+The fit of motion to an avatar looks at some points of hands and skin; here every vertex of a hand is measured, in every
+frame in which the hand signs, against points 3 mm apart on the posed triangles of head, neck and trunk. Where both
+hands sign, the left hand is measured against the right one too, but not the right one against the left. A vertex deeper
+than ``HALF_THICKNESS_M`` (30 mm in the body, 15 mm in a hand) sees the nearest skin from behind and does not count.
 """
 
 from __future__ import annotations
@@ -39,12 +42,13 @@ _POINT_SPACING_M, _SEARCH_M, _MAX_LATERAL_M = 0.003, 0.06, 0.006
 vertex from the normal through the nearest point; all m.
 """
 _MIN_SIGNING = 0.99
+"""Activity of an arm (``retarget.signing``) above which its hand signs."""
 
 
 @dataclass(frozen=True, eq=False)
 class _TouchHeights:
-    """Heights (N,) of the lowest vertex in frames where a hand touches, on the avatar and at the source; greatest depth
-    in any frame; m.
+    """Heights (N,) of the lowest vertex in frames where a hand touches, on the avatar and at the source (there -2 mm at
+    least, ``PRESS_M``); greatest depth in any frame in which the hand signs, at most ``HALF_THICKNESS_M``; m.
     """
 
     heights: FloatArray
@@ -64,16 +68,21 @@ MEASURES = (
     Measure("avatar", "avatar"),
     Measure("word", "word"),
     Measure("skin", "on"),
-    Measure("n_touching", "frames", function=lambda touches: len(touches.heights)),
+    Measure("n_touching", "touches", function=lambda touches: len(touches.heights)),
     percent("near", "within 5 mm of skin", 0, lambda touches: _fraction_near(touches.heights)),
-    percent("kept", "of the source", 0, lambda touches: _fraction_near(touches.heights - touches.source_heights)),
+    percent(
+        "kept",
+        "within 5 mm of source height",
+        0,
+        lambda touches: _fraction_near(touches.heights - touches.source_heights),
+    ),
     Measure("median", "median, mm", "{:.1f}", 1e3, _median_height),
     Measure("deepest", "deepest, mm", "{:.1f}", 1e3, lambda touches: touches.deepest),
 )
-"""Measures of a word on an avatar, for a skin that a hand touches ("body" or "hand"): number of pairs of hand and frame
-in contact, with the source nearer than 5 mm; fraction of these whose lowest vertex lies within 5 mm of the skin, and
-of its height at the source; median height of the lowest vertex, m; greatest depth of a vertex in any frame in which
-the hand signs, m.
+"""Measures of a word on an avatar, for a skin that a hand touches ("body" or "hand"): number of touches, which are
+pairs of hand and frame in contact, with the source nearer than 5 mm; fraction of these whose lowest vertex lies within
+5 mm of the skin, and of its height at the source (a depth there counts as 2 mm at most); median height of the lowest
+vertex, m; greatest depth of a vertex in any frame in which the hand signs, m, up to ``HALF_THICKNESS_M``.
 """
 
 
@@ -82,7 +91,7 @@ def signature(words: Sequence[Clip]) -> str:
     return f"words:{','.join(word.name for word in words)}|touch:{TOUCH_M}|within:{KEPT_M}|points:{_POINT_SPACING_M}"
 
 
-def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[Row]:
+def measure_words(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress | None = None) -> list[Row]:
     """Returns a row for each avatar, word and kind of skin. Raises ``InputError`` for an avatar without skin."""
     for avatar in avatars:
         if body_capsules(avatar).skin is None:
@@ -92,7 +101,7 @@ def compare(avatars: Sequence[Avatar], words: Sequence[Clip], progress: Progress
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """Returns the rows as lines of Markdown, and the fractions of all frames."""
+    """Returns the rows as lines of Markdown, and the fractions of all touches."""
     lines = format_measures(MEASURES, rows)
     for skin in ("body", "hand"):
         touching_rows = [row for row in rows if row.skin == skin and row.n_touching]
@@ -102,8 +111,9 @@ def table(rows: Sequence[Row]) -> list[str]:
         )
         deepest = max((row.deepest for row in rows if row.skin == skin), default=0.0)
         if count:
-            lines += ["", f"On the {skin}: {count} frames, {100.0 * (n_near / count):.1f} % within 5 mm of skin, "
-                      f"{100.0 * (n_kept / count):.1f} % of the source; deepest {1e3 * deepest:.1f} mm."]  # fmt: skip
+            lines += ["", f"On the {skin}: {count} touches, {100.0 * (n_near / count):.1f} % within 5 mm of skin, "
+                      f"{100.0 * (n_kept / count):.1f} % within 5 mm of source height; deepest "
+                      f"{1e3 * deepest:.1f} mm."]  # fmt: skip
     return lines
 
 
