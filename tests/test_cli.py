@@ -361,7 +361,7 @@ def test_evaluate_prints_json(signsplice: Call) -> None:
 
 def test_bench_prints_json(signsplice: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "N_LEXICON", 134)
-    monkeypatch.setattr(parts, "N_LONG", 300)
+    monkeypatch.setattr(parts, "N_LONG_FRAMES", 300)
     monkeypatch.setattr(parts, "N_STREAM", 20)
     figures = json.loads(signsplice("bench", "--repeats", "3", "--json").stdout)
     assert figures["joints"] == 53

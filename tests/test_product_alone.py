@@ -23,7 +23,7 @@ from signsplice.cli.commands import app, run
 from signsplice.render import film
 
 demo.SENTENCE, film.GIF_SIZE = ("HELLO", "SIGN"), (96, 96)
-parts.N_LEXICON, parts.N_LONG, parts.N_STREAM = 134, 300, 20
+parts.N_LEXICON, parts.N_LONG_FRAMES, parts.N_STREAM = 134, 300, 20
 for call in json.load(sys.stdin):
     out, sys.argv = io.StringIO(), ["signsplice", *call]
     with redirect_stdout(out):

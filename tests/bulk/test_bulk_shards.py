@@ -23,7 +23,7 @@ from bulk_kills import read_folder
 from signing import marked
 from signsplice import lexicon
 from signsplice.bulk import recipes, run
-from signsplice.bulk.job import BulkJob, BulkOptions, prepare, progress_of, read_job
+from signsplice.bulk.job import BulkJob, BulkOptions, prepare, progress_path, read_job
 from signsplice.bulk.maker import FailedSentence, MadeSentence, SentenceMaker, motion_sha256
 from signsplice.bulk.recipes import SentenceRecipe
 from signsplice.bulk.shards import ShardResult, make_shard, poses
@@ -152,13 +152,13 @@ def test_progress_counts_the_rows_of_shards_that_are_not_whole(
     out = tmp_path / "out"
     shutil.copytree(made[0], out)
     (out / "index" / "000000.parquet").unlink()
-    progress_of(out, 0).write_text("2 rows of a call that was killed")
+    progress_path(out, 0).write_text("2 rows of a call that was killed")
 
     def made_slowly(*_: object) -> Iterator[ShardResult | None]:
         yield None
-        progress_of(out, 0).write_text("1")
+        progress_path(out, 0).write_text("1")
         yield None
-        progress_of(out, 0).unlink()
+        progress_path(out, 0).unlink()
         yield None
         yield make_shard(str(out), 0, 8)
 
@@ -338,7 +338,7 @@ def test_recipes_and_hashes_alone_make_any_row_again(made: tuple[Path, BulkJob],
 
 def test_what_is_beside_a_sentence_does_not_change_it() -> None:
     with lexicon.open_shipped_lexicon() as words:
-        together = SentenceMaker(words, n_kept=2).make(ROWS)
+        together = SentenceMaker(words, n_words_kept=2).make(ROWS)
         for recipe, one in zip(ROWS, together, strict=True):
             (alone,) = SentenceMaker(words).make([recipe])
             assert type(alone) is type(one)

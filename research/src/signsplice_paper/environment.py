@@ -11,7 +11,7 @@ from typing import Any
 
 N_HEX = 12
 """Digits of a commit."""
-COPIED_FROM = "SIGNSPLICE_COMMIT"
+COMMIT_VARIABLE = "SIGNSPLICE_COMMIT"
 """Environment variable: the commit of a copy without a repository."""
 OTHER_SOURCES = (":/src", ":/workshop/src")
 """Sources of signsplice and of the workshop, as git's paths from the top of the repository."""
@@ -27,8 +27,9 @@ def read_commit(folder: Path | None = None) -> str:
     """Returns the git revision of this code: 12 hex digits, and "+" if tracked files of this package, of signsplice or
     of the workshop differ from the revision.
 
-    folder: the sources of this package. Files outside the sources, such as results that are being written, do not
-    count. Without a repository it is the variable ``SIGNSPLICE_COMMIT``, for copies of the files alone, or empty.
+    folder: the sources of this package. Files outside all three packages' sources, such as results that are being
+    written, do not count. Without a repository it is the variable ``SIGNSPLICE_COMMIT``, for copies of the files alone,
+    or empty.
     """
     directory = folder or Path(__file__).resolve().parents[1]
     status = ["status", "--porcelain", "--untracked-files=no", "--", ".", *OTHER_SOURCES]
@@ -39,9 +40,9 @@ def read_commit(folder: Path | None = None) -> str:
             for call in calls
         )
     except (OSError, subprocess.SubprocessError):
-        return os.environ.get(COPIED_FROM, "")
+        return os.environ.get(COMMIT_VARIABLE, "")
     if not tracked:  # installed inside the repository of something else
-        return os.environ.get(COPIED_FROM, "")
+        return os.environ.get(COMMIT_VARIABLE, "")
     return revision[:N_HEX] + ("+" if changes.strip() else "")
 
 

@@ -28,7 +28,7 @@ Positions = tuple[int | None, int | None]
 Progress = Callable[[int, int], None]
 
 SPLITS = ("random", "unseen-words", "unseen-signer", "unseen-both")
-BONES = ("accuracy", "mse", "bleu-4", "joint_jumps", "bone_change")
+SCORES_WITH_BONES_KEPT = ("accuracy", "mse", "bleu-4", "joint_jumps", "bone_change")
 """Scores with a second value, ``..._bones``, of frames that keep the skeleton's bones; on the pairs of ``viewed``."""
 WARM_UP = 3
 """Untimed calls before the first timed one, because first calls allocate."""
@@ -64,9 +64,9 @@ class Protocol:
 class Judged:
     """A system's scores.
 
-    - scores: by name: those of ``metrics``; of at most ``viewed.N_VIEWED`` pairs those of ``viewed``, and for systems
-      that give joint positions without rotations those of ``BONES`` with bones kept; ``ms_mean`` and ``ms_median`` of
-      the time per pair, and ``frames_ms``, the duration of the true transition
+    - scores: by name: those of ``metrics``; of at most ``viewed.N_VIEWED`` pairs joint jumps and changes of bone
+      length (``viewed``), and for systems that give joint positions without rotations ``SCORES_WITH_BONES_KEPT``;
+      ``ms_mean`` and ``ms_median`` of the time per pair, and ``frames_ms``, the duration of the true transition
     - n_pairs: number of pairs judged
     """
 
@@ -94,6 +94,7 @@ def check_allowed(trained_on: Mapping[str, Any], pairs: Pairs, protocol: Protoco
 
     trained_on: the ``corpus`` and ``split`` that it was trained on.
     """
+    # A corpus to teach on has this one split.
     if trained_on.get("split") == readable_pairs.TAUGHT and pairs.truth_kind == readable_pairs.TRUTH:
         return
     if trained_on.get("corpus") != protocol.corpus:
@@ -184,7 +185,7 @@ def judge(answer: Answer, pairs: Pairs, protocol: Protocol, progress: Progress |
     summary = metrics.summarise(scores[""]) | viewed.summarise(views[""])
     if scores["_bones"]:
         with_bones = metrics.summarise(scores["_bones"]) | viewed.summarise(views["_bones"])
-        summary |= {f"{name}_bones": with_bones[name] for name in BONES}
+        summary |= {f"{name}_bones": with_bones[name] for name in SCORES_WITH_BONES_KEPT}
     times = _summarise_times(seconds) | {"frames_ms": 1e3 * summary["n_frames"] / protocol.fps}
     return Judged(summary | times, len(seconds))
 

@@ -28,13 +28,13 @@ mean transition of a split's training part, and methods fitted to that part in c
 """
 SIGNATURES = {**metrics.SIGNATURES, **viewed.SIGNATURES}
 GIVEN = ("nothing", "length", "positions", "positions and length")
-"""The parts of the truth that a method on clips may be given."""
+"""The parts of the truth that a method may be given which splices clips with rotations, not joint positions."""
 
 
 @dataclass(frozen=True)
 class ResultRow:
     """One system on one protocol. The paper's systems are those that ``signsplice-paper`` trains; other rows are of
-    methods on clips, of the mean transition and of fitted methods.
+    methods that splice clips with rotations, of the mean transition and of fitted methods.
 
     - system: the system's or method's name
     - split: the split that is judged
@@ -50,7 +50,7 @@ class ResultRow:
     - n_parameters: number of parameters
     - token_bias: bias of the tokens' logits, 0 without; None for methods without tokens
     - bundle: first digits of the bundle's sha256, None for classical methods
-    - corpus: hash of the corpus
+    - corpus: hash of the judged corpus
     - truth: kind of its true positions: partner, word, events, or the source that made them
     - protocol: signature of the protocol
     - metrics_id: ``hash_signatures`` of the metrics

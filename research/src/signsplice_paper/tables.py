@@ -59,7 +59,7 @@ class TableLine:
 
     - system: the name that is shown, the same in both conditions
     - condition: how its tokens were trained, or which truth a method was given
-    - taught: the words that it learned from
+    - taught: ``ON_SPLIT``, ``ON_MANY`` or "-"
     - rows: one for each seed
     """
 
@@ -86,7 +86,9 @@ class TableLine:
         return float(np.mean(values)) if values else float("nan")
 
     def format_cell(self, name: str, digits: int | str = 3) -> str:
-        """Returns a score as text: the mean, and with several seeds the least and the largest in brackets."""
+        """Returns a score as text: the mean, and with several seeds the least and the largest in brackets; "-" if it
+        is unknown, or a score of positions and no pair has both.
+        """
         values = self.values(name)
         if name != "pta" and max(self.values("pta"), default=1.0) == 0.0 and name.startswith(("paa", "within")):
             return "-"
@@ -102,9 +104,11 @@ def format_score(value: float, digits: int | str) -> str:
 
 
 def list_lines(results: Results, scale: str, split: str) -> list[TableLine]:
-    """Returns all lines of a split: the paper's systems, LPT+, ablations, those taught on many words, then methods on
-    clips and baselines. A line has the rows of one system (its name in results.json implies the condition), whatever
-    their seed. Raises ``InputError`` if rows cannot be compared.
+    """Returns all lines of a split: the paper's systems, LPT+, ablations, those taught on many words, then methods
+    that splice clips with rotations, and baselines. A line has the rows that differ in seed alone. Raises
+    ``InputError`` if rows cannot be compared.
+
+    scale: of the trained systems; others are always listed.
     """
     rows = [row for row in results.rows if row.split == split and row.part == "test"]
     check_comparable(rows)

@@ -66,7 +66,8 @@ N_WARM_UP = 20
 
 def _learned_seams(repeats: int) -> dict[str, Any]:
     """Measure the time of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the
-    networks in them, and of a ten-word sentence; each with other shipped words.
+    networks in them, and of a ten-word sentence; each with other shipped words. "by the networks alone" is the ratio
+    of a seam's time to that of its networks.
     """
     cutter = choose().cutter
     if not isinstance(cutter, LearnedCutter):
@@ -100,7 +101,7 @@ def _learned_seams(repeats: int) -> dict[str, Any]:
 
 def streams(repeats: int) -> dict[str, Any]:
     """Measure the time from the arrival of the second word to the first piece; and, of a long stream, the time per word
-    and the ratio of its second half to its first, in time and in peak memory.
+    and the ratios of its second half to its first, in time and in peak memory ("second half by first").
     """
     cutter = choose().cutter
     reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
@@ -147,8 +148,8 @@ def streams(repeats: int) -> dict[str, Any]:
     }
 
 
-N_LONG = 3000
-N_WORD = 150
+N_LONG_FRAMES = 3000
+N_WORD_FRAMES = 150
 N_LEXICON = 6707
 """Number of words of the dictionary in the paper."""
 
@@ -206,19 +207,19 @@ def _long_clip(n_frames: int) -> Clip:
 def _word_clips() -> tuple[Clip, Clip]:
     """Return two words slowed down to exactly 150 frames."""
     a, b = _demo_words()[2:4]
-    clips = [resample(clip, clip.fps, (len(clip) - 1) / (N_WORD - 0.5)) for clip in (a, b)]
-    return clips[0][:N_WORD], clips[1][:N_WORD]
+    clips = [resample(clip, clip.fps, (len(clip) - 1) / (N_WORD_FRAMES - 0.5)) for clip in (a, b)]
+    return clips[0][:N_WORD_FRAMES], clips[1][:N_WORD_FRAMES]
 
 
 def _reading(repeats: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.bvh"
-        clip = _long_clip(N_LONG)
-        values = bvh.parse(bvh.encode(clip))
-        text = bvh.encode(values).decode().splitlines()
-        first = text.index("MOTION") + 3
-        rows = [" ".join(f"{float(x):.6f}" for x in row.split()) for row in text[first:]]  # as exporters write them
-        path.write_text("\n".join([*text[:first], *rows]) + "\n")
+        clip = _long_clip(N_LONG_FRAMES)
+        parsed = bvh.parse(bvh.encode(clip))
+        lines = bvh.encode(parsed).decode().splitlines()
+        first = lines.index("MOTION") + 3
+        rows = [" ".join(f"{float(x):.6f}" for x in row.split()) for row in lines[first:]]  # as exporters write them
+        path.write_text("\n".join([*lines[:first], *rows]) + "\n")
         try:
             import pybvh
         except ImportError:
@@ -231,10 +232,10 @@ def _reading(repeats: int) -> dict[str, Any]:
 
 
 def _kinematics(repeats: int) -> dict[str, Any]:
-    clip = _long_clip(N_LONG)
+    clip = _long_clip(N_LONG_FRAMES)
     few = clip[:60]
     ours, loop = median_milliseconds(repeats, lambda: kinematics.forward(clip), lambda: _forward_by_frame(few))
-    scaled = loop * N_LONG / len(few)
+    scaled = loop * N_LONG_FRAMES / len(few)
     return {"3000 frames, ms": ours, "frame by frame, ms": scaled, "times faster": scaled / ours}
 
 
@@ -261,9 +262,9 @@ def _search(repeats: int) -> dict[str, Any]:
         return _plain_search(before, after)
 
     runs = [partial(cut_anew, cutter) for cutter in CUTTERS.values()]
-    plain = CUTTERS["hand-distance"].cut(before, after), _plain_search(before, after)
-    if plain[0] != plain[1]:
-        raise AssertionError(f"the plain search found {plain[1]}, the cutter {plain[0]}, expected the same")
+    cut, plain_cut = CUTTERS["hand-distance"].cut(before, after), _plain_search(before, after)
+    if cut != plain_cut:
+        raise AssertionError(f"the plain search found {plain_cut}, the cutter {cut}, expected the same")
     times = median_milliseconds(10 * repeats, *runs)
     (pairwise,) = median_milliseconds(repeats, search_anew)
     figures = {f"{name}, ms": ms for name, ms in zip(CUTTERS, times, strict=True)}

@@ -159,7 +159,7 @@ class Relief:
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Vertices of skin, without hair, skirts and accessories.
+    """Vertices on skin or clothing, without hair, skirts and accessories.
 
     positions: (V, 3) in the rest pose, root at the origin, m.
     joints, weights: (V, 4) joints that carry each, and their weights.

@@ -43,10 +43,10 @@ def surface(
     cells = np.argwhere(crossed)
     if not len(cells):
         raise ValueError(f"no surface between {low} and {high}")
-    numbers = np.full(crossed.shape, -1)
-    numbers[tuple(cells.T)] = np.arange(len(cells))
-    vertices = origin + step * (cells + _within(values, cells))
-    triangles = _triangles(inside, numbers)
+    vertex_of_cell = np.full(crossed.shape, -1)
+    vertex_of_cell[tuple(cells.T)] = np.arange(len(cells))
+    vertices = origin + step * (cells + _crossing_means(values, cells))
+    triangles = _triangles(inside, vertex_of_cell)
     for _ in range(_N_PROJECTIONS):
         distances = field(vertices)
         slopes = [field(vertices + move) - distances for move in 0.05 * step * np.eye(3)]
@@ -69,21 +69,21 @@ def _corner_slices(shift: tuple[int, ...], shape: tuple[int, ...]) -> tuple[slic
 
 
 def _sample_field(field: Field, origin: FloatArray, counts: NDArray[np.int_], step: float) -> FloatArray:
-    """Returns the field on a grid; exact close to the surface, elsewhere only its sign."""
+    """Returns the field on a grid; exact close to the surface, elsewhere infinite, with its sign."""
     coarse = [np.arange(0, n, _COARSE) for n in counts]
     rough = _values(field, origin, coarse, step)
     reach = 0.5 * np.sqrt(3.0) * _COARSE * step  # from a point of a cell to the nearest corner, at most
     is_close = np.abs(rough) < reach
-    wide = np.zeros_like(is_close)
+    near_cells = np.zeros_like(is_close)
     for shift in product((0, 1), repeat=3):  # cells with a corner close to the surface
-        wide[:-1, :-1, :-1] |= is_close[_corner_slices(shift, is_close.shape)]
+        near_cells[:-1, :-1, :-1] |= is_close[_corner_slices(shift, is_close.shape)]
     values = np.full(tuple(counts), np.inf)
-    for i, j, k in np.argwhere(wide):
+    for i, j, k in np.argwhere(near_cells):
         values[_coarse_slices(i, j, k)] = 0.0
     todo = np.argwhere(values == 0.0)
     values[tuple(todo.T)] = field(origin + step * todo)
     # Whole coarse cells without surface: the rough field shows which are inside.
-    for i, j, k in np.argwhere(~wide & (rough < 0.0)):
+    for i, j, k in np.argwhere(~near_cells & (rough < 0.0)):
         box = _coarse_slices(i, j, k)
         values[box] = np.where(np.isinf(values[box]), -np.inf, values[box])
     return values
@@ -100,7 +100,7 @@ def _values(field: Field, origin: FloatArray, axes: list[NDArray[np.int_]], step
     return field(origin + step * grid.reshape(-1, 3)).reshape(grid.shape[:3])
 
 
-def _within(values: FloatArray, cells: NDArray[np.int_]) -> FloatArray:
+def _crossing_means(values: FloatArray, cells: NDArray[np.int_]) -> FloatArray:
     """Returns the place of the surface in each cell (C, 3): the mean of its crossings of the cell's edges, 0 to 1."""
     sums, counts = np.zeros((len(cells), 3)), np.zeros((len(cells), 1))
     for axis in range(3):
@@ -122,9 +122,9 @@ def _within(values: FloatArray, cells: NDArray[np.int_]) -> FloatArray:
     return sums / counts
 
 
-def _triangles(inside: NDArray[np.bool_], numbers: NDArray[np.int_]) -> NDArray[np.int64]:
+def _triangles(inside: NDArray[np.bool_], vertex_of_cell: NDArray[np.int_]) -> NDArray[np.int64]:
     """Returns triangles (F, 3) of vertex numbers, two for every grid edge whose ends lie on different sides of the
-    surface: their corners are the vertices of the four cells around it. ``numbers``: vertex of each cell, -1 for none.
+    surface: their corners are the vertices of the four cells around it. ``vertex_of_cell``: -1 for cells without one.
     """
     faces = []
     for axis in range(3):
@@ -139,7 +139,7 @@ def _triangles(inside: NDArray[np.bool_], numbers: NDArray[np.int_]) -> NDArray[
             cells = edges.copy()
             cells[:, u] -= du
             cells[:, v] -= dv
-            return np.asarray(numbers[tuple(cells.T)])
+            return np.asarray(vertex_of_cell[tuple(cells.T)])
 
         a, b, c, d = cell(1, 1), cell(0, 1), cell(0, 0), cell(1, 0)
         abc, acd = np.stack([a, b, c], -1), np.stack([a, c, d], -1)

@@ -30,7 +30,7 @@ _LEAST_WIDTH = 0.5
 _DEEP = 1e-4
 """Squared depth from which on an elbow turns, cm^2."""
 _AROUND_S = 0.3
-"""Time before and after such a depth in which the elbow may turn, s."""
+"""Time before the first and after the last such frame in which the elbow may turn, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +61,12 @@ def choose(arm: BentArm, obstacles: Obstacles, allowed: FloatArray, fps: float, 
     ``grid``, smoothed. They lessen the forearm's depth in any capsule beyond ``allowed`` (T, S), m; some may remain.
     """
     cost = _depth_cost(arm.elbow[None], arm, obstacles, allowed, slice(None))[0]
-    rows = np.flatnonzero(cost > _DEEP)
+    deep_frames = np.flatnonzero(cost > _DEEP)
     swivels = np.zeros(len(arm.wrist))
-    if not len(rows):
+    if not len(deep_frames):
         return swivels
-    reach = int(np.ceil(_AROUND_S * fps))
-    span = slice(max(rows[0] - reach, 0), rows[-1] + reach + 1)
+    n_around = int(np.ceil(_AROUND_S * fps))
+    span = slice(max(deep_frames[0] - n_around, 0), deep_frames[-1] + n_around + 1)
     s, e, w = arm.shoulder[span], arm.elbow[span], arm.wrist[span]
     axis = (w - s) / (np.linalg.norm(w - s, axis=-1, keepdims=True) + 1e-9)
     on_axis = np.einsum("tx,tx->t", e - s, axis)[:, None] * axis
@@ -78,9 +78,9 @@ def choose(arm: BentArm, obstacles: Obstacles, allowed: FloatArray, fps: float, 
     change: FloatArray = _CHANGE_WEIGHT * np.square((grid[:, None] - grid) / (0.5 * _TURN))
     chosen = grid[least_cost_choices(costs, [change] * (len(costs) - 1))]
     width = max(_WIDTH_S * fps, _LEAST_WIDTH)
-    side = int(np.ceil(3.0 * width))
-    bell = np.exp(-0.5 * (np.arange(-side, side + 1) / width) ** 2)
-    padded = np.pad(chosen, side, mode="edge")
+    half_width = int(np.ceil(3.0 * width))
+    bell = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / width) ** 2)
+    padded = np.pad(chosen, half_width, mode="edge")
     swivels[span] = np.convolve(padded, bell / bell.sum(), mode="valid")
     return swivels
 

@@ -31,8 +31,8 @@ usage reports are off; its own processes use gRPC, which ignores this proxy.
 class ShardActor:
     """A worker of the cluster, which keeps words and networks between shards."""
 
-    def __init__(self, out: str, n_kept: int) -> None:
-        self._out, self._n_kept = out, n_kept
+    def __init__(self, out: str, n_words_kept: int) -> None:
+        self._out, self._n_words_kept = out, n_words_kept
 
     def __call__(self, batch: dict[str, Any]) -> dict[str, Any]:
         """Make the shards whose numbers are in ``batch`` and return their results. An input error is a result too: Ray
@@ -41,14 +41,14 @@ class ShardActor:
         rows = []
         for shard in batch["shard"].tolist():
             try:
-                rows.append(asdict(make_shard(self._out, shard, self._n_kept)) | {"error": ""})
+                rows.append(asdict(make_shard(self._out, shard, self._n_words_kept)) | {"error": ""})
             except SignspliceError as error:
                 rows.append(asdict(ShardResult(shard, 0, 0, 0, 0, 0, 0.0)) | {"error": str(error)})
         return {name: [row[name] for row in rows] for name in rows[0]}
 
 
 def make_all(
-    out: str, shards: Sequence[int], address: str, n_kept: int, workers: int | None = None
+    out: str, shards: Sequence[int], address: str, n_words_kept: int, workers: int | None = None
 ) -> Iterator[ShardResult]:
     """Make these shards on the Ray cluster at ``address``, by one actor per processor or by ``workers`` actors; yields
     each shard when it is complete.
@@ -58,10 +58,12 @@ def make_all(
     finds another folder, lexicon, bundle or version; ``MissingExtraError`` without Ray.
     """
     with _cluster_of_its_own() if address == LOCAL else nullcontext("") as folder:
-        yield from _make_all(connect(address, folder), out, shards, n_kept, workers)
+        yield from _make_all(connect(address, folder), out, shards, n_words_kept, workers)
 
 
-def _make_all(ray: Any, out: str, shards: Sequence[int], n_kept: int, workers: int | None) -> Iterator[ShardResult]:
+def _make_all(
+    ray: Any, out: str, shards: Sequence[int], n_words_kept: int, workers: int | None
+) -> Iterator[ShardResult]:
     try:
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = context.enable_auto_log_stats = False
@@ -69,7 +71,7 @@ def _make_all(ray: Any, out: str, shards: Sequence[int], n_kept: int, workers: i
         n_workers = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
         rows = ray.data.from_items([{"shard": shard} for shard in shards], override_num_blocks=len(shards)).map_batches(
             ShardActor,
-            fn_constructor_args=(out, n_kept),
+            fn_constructor_args=(out, n_words_kept),
             batch_size=1,
             num_cpus=1,
             compute=ray.data.ActorPoolStrategy(min_size=1, max_size=n_workers),

@@ -34,9 +34,9 @@ UNFINISHED = "unfinished"
 """Empty folder that exists during a run, and after one that was interrupted."""
 _NEW_RECIPES = ".new-recipes.parquet"
 """File of the recipes until the job is written; no other program uses this name."""
-FRAMES = "frames"
-STORES = (FRAMES, "recipes")
-"""What a folder holds beside its recipes and index: samples, or nothing."""
+STORE_SAMPLES = "frames"
+STORES = (STORE_SAMPLES, "recipes")
+"""What a folder holds: "frames": samples in tar files; "recipes": nothing beside recipes and index."""
 NPZ32 = "npz32"
 FORMATS = ("npz", NPZ32, "bvh", "glb")
 """Formats of clips; ``NPZ32``: npz with frames rounded to 32 bits."""
@@ -102,7 +102,7 @@ class BulkOptions:
 
     lexicon: str | Sequence[str]
     bundle: str | None = None
-    store: str = FRAMES
+    store: str = STORE_SAMPLES
     format: str = "npz"
     poses: bool = True
     shard_size: int = 1000
@@ -115,14 +115,14 @@ class BulkOptions:
             raise InputError(f"shard_size {self.shard_size}, expected 1 to 1,000,000 sentences")
 
 
-def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:
+def prepare(out: Path, options: BulkOptions, make_batches: Callable[[], Iterable[pa.RecordBatch]]) -> BulkJob:
     """Begin the job of a new or empty folder, or resume that of an existing one if it is the same; write and return it.
 
-    batches: makes the recipes, anew at each call. Raises ``InputError``, which names the difference, if the folder was
-    begun with other recipes, words, networks or options; if its recipes have changed; and as ``check_out`` does.
+    make_batches: makes the recipes, anew at each call. Raises ``InputError``, which names the difference, if the folder
+    was begun with other recipes, words, networks or options; if its recipes have changed; and as ``check_folder`` does.
     """
-    check_out(out)
-    with open_lexicon(*paths(options.lexicon)) as words:
+    check_folder(out)
+    with open_lexicon(*lexicon_paths(options.lexicon)) as words:
         lexicon_sha256 = hash_of_words(words)
     decided: dict[str, Any] = {
         "version": VERSION,
@@ -132,23 +132,23 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
         **{name: getattr(options, name) for name in ("store", "format", "poses", "shard_size")},
         "made_with": libraries(),
     }
-    folders = [str(lexicon_folder(path).resolve()) for path in paths(options.lexicon)]
+    folders = [str(lexicon_folder(path).resolve()) for path in lexicon_paths(options.lexicon)]
     places: dict[str, Any] = {
         "lexicon": folders if folders[1:] else folders[0],
         "bundle": None if options.bundle is None else str(Path(options.bundle).resolve()),
     }
-    written = out / _NEW_RECIPES
+    new_recipes = out / _NEW_RECIPES
     if (out / JOB).exists():
         job = read_job(out)
-        if written.exists():  # the call ended before the file was renamed
-            written.replace(out / RECIPES)
+        if new_recipes.exists():  # the call ended before the file was renamed
+            new_recipes.replace(out / RECIPES)
         for name, value in decided.items():
             if getattr(job, name) != value:
                 raise InputError(
                     f"{out}: was begun with {name} {_short(getattr(job, name))}, this call has {_short(value)}; "
                     "call it as it was begun, or name a new folder"
                 )
-        if not recipes.is_same(out / RECIPES, batches()):
+        if not recipes.is_same(out / RECIPES, make_batches()):
             raise InputError(f"{out}: was begun with other recipes; give the same, or name a new folder")
         if _hash_of(out / RECIPES) != job.recipes_sha256:
             raise InputError(
@@ -156,18 +156,18 @@ def prepare(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.R
             )
         return _write_job(replace(job, **places), out)
     out.mkdir(exist_ok=True)
-    n_recipes = recipes.write(written, batches())
+    n_recipes = recipes.write(new_recipes, make_batches())
     if not n_recipes:
-        written.unlink()
+        new_recipes.unlink()
         raise InputError("no recipes, expected one row or more")
-    digest = _hash_of(written)
+    digest = _hash_of(new_recipes)
     job = BulkJob(**decided, **places, n_recipes=n_recipes, recipes_sha256=digest, processor=processor())
     _write_job(job, out)
-    written.replace(out / RECIPES)
+    new_recipes.replace(out / RECIPES)
     return job
 
 
-def paths(lexicon: str | Sequence[str]) -> Sequence[str]:
+def lexicon_paths(lexicon: str | Sequence[str]) -> Sequence[str]:
     """Return the folders of one lexicon, or of several."""
     return [lexicon] if isinstance(lexicon, str) else lexicon
 
@@ -182,7 +182,7 @@ def _hash_of(file: Path) -> str:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
-def check_out(out: Path) -> None:
+def check_folder(out: Path) -> None:
     """Raise ``InputError`` if a folder cannot be made; if it has no job, but anything visible other than
     ``UNFINISHED``; or if ``UNFINISHED`` is there and not an empty folder.
     """
@@ -246,14 +246,14 @@ def processor() -> str:
     return names[0].partition(":")[2].strip() if names else platform.processor() or platform.machine()
 
 
-def tar_of(out: Path, shard: int) -> Path:
+def tar_path(out: Path, shard: int) -> Path:
     """Return the file of a shard's samples."""
     return out / f"shard-{shard:06d}.tar"
 
 
-def progress_of(out: Path, shard: int) -> Path:
-    """Return the file with the number of finished rows of a shard that is not in the index yet. By its name
-    ``atomic.sweep`` removes it after a kill.
+def progress_path(out: Path, shard: int) -> Path:
+    """Return the file with the number of finished rows of a shard that is not in the index yet. Its name lets
+    ``atomic.sweep`` remove it.
     """
     return out / INDEX / f".signsplice-{shard:016x}.rows"
 
@@ -263,11 +263,11 @@ def rows_in_progress(out: Path, shards: Iterable[int]) -> int:
     n_rows = 0
     for shard in shards:
         with suppress(OSError, ValueError):  # not there yet, already removed, or being written
-            n_rows += int(progress_of(out, shard).read_text())
+            n_rows += int(progress_path(out, shard).read_text())
     return n_rows
 
 
-def index_of(out: Path, shard: int) -> Path:
+def index_path(out: Path, shard: int) -> Path:
     """Return the file of a shard's rows of the index. It is written last: a shard that has it is complete."""
     return out / INDEX / f"{shard:06d}.parquet"
 
@@ -275,8 +275,8 @@ def index_of(out: Path, shard: int) -> Path:
 def is_whole(out: Path, job: BulkJob, shard: int) -> bool:
     """Return whether a shard of this job exists, and its samples have their original size."""
     try:
-        metadata = pq.read_metadata(index_of(out, shard)).metadata or {}
-        size = tar_of(out, shard).stat().st_size if job.store == FRAMES else 0
+        metadata = pq.read_metadata(index_path(out, shard)).metadata or {}
+        size = tar_path(out, shard).stat().st_size if job.store == STORE_SAMPLES else 0
     except (OSError, ValueError, pa.ArrowException):
         return False
     return metadata.get(b"job") == job.sha256.encode() and metadata.get(b"tar_bytes") == str(size).encode()

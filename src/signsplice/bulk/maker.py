@@ -94,8 +94,8 @@ class SentenceMaker:
     bundle: folder of the networks; None for the shipped ones.
     """
 
-    def __init__(self, words: Lexicon, bundle: str | None = None, n_kept: int = WORDS_KEPT) -> None:
-        self.words, self.bundle, self._n_kept = words, bundle, n_kept
+    def __init__(self, words: Lexicon, bundle: str | None = None, n_words_kept: int = WORDS_KEPT) -> None:
+        self.words, self.bundle, self._n_words_kept = words, bundle, n_words_kept
         self._clips: OrderedDict[tuple[str, str], Clip] = OrderedDict()
         self._bodies: dict[str, Clip] = {}
 
@@ -160,7 +160,7 @@ class SentenceMaker:
             if signer and self.words.entry(gloss).signer != signer:
                 clip = replace(retarget(clip, self._body(signer)).clip, name=clip.name)
             self._clips[key] = clip
-            while len(self._clips) > self._n_kept:
+            while len(self._clips) > self._n_words_kept:
                 self._clips.popitem(last=False)
         self._clips.move_to_end(key)
         return self._clips[key]

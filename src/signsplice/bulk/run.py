@@ -27,13 +27,13 @@ from signsplice.formats import atomic
 Result = TypeVar("Result")
 
 _MOST_DEATHS = 8
-"""A shard in progress at this number of successive process deaths is to blame for them."""
+"""A shard in progress at this many breakdowns of the pool, without being completed in between, is blamed for them."""
 
 
-def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Iterator[ShardResult | None]:
+def make_here(out: str, shards: Iterable[int], workers: int, n_words_kept: int) -> Iterator[ShardResult | None]:
     """Make these shards in ``workers`` processes; yields each when it is complete, and None every second in between.
 
-    n_kept: number of words that each process keeps in memory.
+    n_words_kept: number of words that each process keeps in memory.
 
     Replaces processes that end, and repeats their shards. Raises what ``make_shard`` raises, and ``SignspliceError``
     for a shard that ends every process.
@@ -46,7 +46,7 @@ def make_here(out: str, shards: Iterable[int], workers: int, n_kept: int) -> Ite
             try:
                 while waiting or running:
                     while waiting and len(running) < 2 * workers:
-                        running[pool.submit(make_shard, out, waiting[-1], n_kept)] = waiting[-1]
+                        running[pool.submit(make_shard, out, waiting[-1], n_words_kept)] = waiting[-1]
                         waiting.pop()
                     ended = wait(running, 1.0, FIRST_COMPLETED).done
                     if not ended:
@@ -118,18 +118,18 @@ class RunProgress:
 def run(
     out: Path,
     options: BulkOptions,
-    batches: Callable[[], Iterable[pa.RecordBatch]],
+    make_batches: Callable[[], Iterable[pa.RecordBatch]],
     workers: int | None = None,
     ray: str | None = None,
-    n_kept: int = WORDS_KEPT,
+    n_words_kept: int = WORDS_KEPT,
     advance: Callable[[RunProgress], None] | None = None,
 ) -> BulkSummary:
     """Make the missing shards of a folder, in processes of this machine, or on the Ray cluster at the address ``ray``.
-    Creates the folder if necessary.
+    Creates the folder if necessary. Returns the folder's summary, and writes it there.
 
-    batches: makes the recipes, anew at each call.
+    make_batches: makes the recipes, anew at each call.
     workers: number of workers; by default one per core of the machine, or of the cluster.
-    n_kept: number of words that each worker keeps in memory.
+    n_words_kept: number of words that each worker keeps in memory.
     advance: called with the progress.
 
     Raises ``InputError`` if another call is writing there, and what ``prepare``, ``make_here``, ``cluster.make_all``
@@ -137,8 +137,8 @@ def run(
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}, expected 1 or more")
-    jobs.check_out(out)
-    with _begun(out, options, batches) as job:
+    jobs.check_folder(out)
+    with _begun(out, options, make_batches) as job:
         (out / jobs.INDEX).mkdir(exist_ok=True)
         atomic.sweep(out / jobs.INDEX)  # numbers of finished rows that an interrupted call left
         missing = [shard for shard in range(job.n_shards) if not jobs.is_whole(out, job, shard)]
@@ -150,7 +150,7 @@ def run(
             (out / jobs.SUMMARY).unlink(missing_ok=True)
         unfinished, shown = set(missing), before
         try:
-            for shard in _make_shards(str(out.resolve()), missing, workers, ray, n_kept) if missing else ():
+            for shard in _make_shards(str(out.resolve()), missing, workers, ray, n_words_kept) if missing else ():
                 if shard is not None:
                     done, failed = done + shard.n_rows, failed + shard.n_failed
                     unfinished.discard(shard.shard)
@@ -165,12 +165,12 @@ def run(
 
 
 @contextmanager
-def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
+def _begun(out: Path, options: BulkOptions, make_batches: Callable[[], Iterable[pa.RecordBatch]]) -> Iterator[BulkJob]:
     """Yield the job of a folder and lock it against other calls. A refused call leaves no trace."""
     was_there = out.exists()
     with atomic.resumable_folder(out / jobs.UNFINISHED) as was_interrupted:
         try:
-            job = jobs.prepare(out, options, batches)
+            job = jobs.prepare(out, options, make_batches)
         except BaseException:
             with suppress(OSError):
                 if not was_interrupted:
@@ -186,15 +186,15 @@ def _begun(out: Path, options: BulkOptions, batches: Callable[[], Iterable[pa.Re
 
 
 def _make_shards(
-    out: str, missing: list[int], workers: int | None, ray: str | None, n_kept: int
+    out: str, missing: list[int], workers: int | None, ray: str | None, n_words_kept: int
 ) -> Iterator[ShardResult | None]:
     if ray is not None:
-        return cluster.make_all(out, missing, ray, n_kept, workers)
-    return make_here(out, missing, min(workers or cores(), len(missing)), n_kept)
+        return cluster.make_all(out, missing, ray, n_words_kept, workers)
+    return make_here(out, missing, min(workers or cores(), len(missing)), n_words_kept)
 
 
-def _index(out: Path, shard: int) -> pa.Table:
-    path = jobs.index_of(out, shard)
+def _read_index(out: Path, shard: int) -> pa.Table:
+    path = jobs.index_path(out, shard)
     try:
         return pq.read_table(path, columns=["frames", "fps", "seams", "error"])
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -212,7 +212,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
     for shard in range(job.n_shards):
         if not jobs.is_whole(out, job, shard):
             raise InputError(f"{out}: shard {shard} is not whole; the same call makes it")
-        table = _index(out, shard)
+        table = _read_index(out, shard)
         failed = [error for error in table["error"].to_pylist() if error is not None]
         reasons.update(failed)
         frames, rates = table["frames"].drop_null().to_numpy(), table["fps"].drop_null().to_numpy()
@@ -220,7 +220,7 @@ def summarize(out: Path, job: BulkJob) -> BulkSummary:
         n_seams += int(table["seams"].drop_null().to_numpy().sum())
         n_frames += int(frames.sum())
         seconds += float((frames / rates).sum())
-        files = jobs.tar_of(out, shard), jobs.index_of(out, shard)
+        files = jobs.tar_path(out, shard), jobs.index_path(out, shard)
         n_bytes += sum(path.stat().st_size for path in files if path.exists())
     top_reasons = dict(sorted(reasons.most_common(MOST_REASONS), key=lambda row: (-row[1], row[0])))
     return BulkSummary(

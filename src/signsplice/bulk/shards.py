@@ -136,27 +136,27 @@ class ShardResult:
     cpu_s: float
 
 
-def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
+def make_shard(out: str, shard: int, n_words_kept: int) -> ShardResult:
     """Make a complete shard of the folder ``out``. The process keeps words and networks for the next one.
 
-    n_kept: number of words to keep. Raises ``InputError`` if this process finds another lexicon, bundle or version than
-    the job's.
+    n_words_kept: number of words to keep. Raises ``InputError`` if this process finds another lexicon, bundle or
+    version than the job's.
     """
     began = time.process_time()
     folder = Path(out)
     job = jobs.read_job(folder)
-    maker = CACHE.recent(open_maker, folder, n_kept, job.sha256, most=1)
+    maker = CACHE.recent(open_maker, folder, n_words_kept, job.sha256, most=1)
     rows: list[dict[str, Any]] = []
-    progress = jobs.progress_of(folder, shard)
+    progress = jobs.progress_path(folder, shard)
     with _samples(folder, job, shard) as samples:
         todo = recipes.rows(folder / jobs.RECIPES, job.rows(shard).start, job.rows(shard).stop)
         for start in range(0, len(todo), TOGETHER):
             for n, sentence in enumerate(maker.make(todo[start : start + TOGETHER]), job.rows(shard).start + start):
                 rows.append({"row": n, "key": f"{n:09d}", "shard": shard, **_row(sentence, samples, f"{n:09d}")})
             progress.write_text(str(len(rows)))
-    tar_bytes = jobs.tar_of(folder, shard).stat().st_size if samples is not None else 0
+    tar_bytes = jobs.tar_path(folder, shard).stat().st_size if samples is not None else 0
     metadata = {"job": job.sha256, "tar_bytes": str(tar_bytes)}
-    with replacing(jobs.index_of(folder, shard)) as temporary:
+    with replacing(jobs.index_path(folder, shard)) as temporary:
         pq.write_table(pa.Table.from_pylist(rows, INDEX_SCHEMA.with_metadata(metadata)), temporary, compression="zstd")
     progress.unlink(missing_ok=True)
     return ShardResult(
@@ -165,21 +165,21 @@ def make_shard(out: str, shard: int, n_kept: int) -> ShardResult:
         sum(row["error"] is not None for row in rows),
         sum(row["seams"] or 0 for row in rows),
         sum(row["frames"] or 0 for row in rows),
-        tar_bytes + jobs.index_of(folder, shard).stat().st_size,
+        tar_bytes + jobs.index_path(folder, shard).stat().st_size,
         time.process_time() - began,
     )
 
 
-def open_maker(out: Path, n_kept: int, _: str = "") -> SentenceMaker:
+def open_maker(out: Path, n_words_kept: int, _: str = "") -> SentenceMaker:
     """Return the maker of the sentences of a folder of shards; the unused job hash distinguishes cached makers. Raises
     ``InputError`` as ``make_shard`` does.
     """
     job = jobs.read_job(out)
-    words = open_lexicon(*jobs.paths(job.lexicon))
+    words = open_lexicon(*jobs.lexicon_paths(job.lexicon))
     checks: dict[str, tuple[object, object, object]] = {
         "package": (version("signsplice"), job.signsplice, "signsplice"),
         "libraries": (jobs.libraries(), job.made_with, ", ".join(map(" ".join, job.made_with.items()))),
-        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, " and ".join(jobs.paths(job.lexicon))),
+        "lexicon": (jobs.hash_of_words(words), job.lexicon_sha256, " and ".join(jobs.lexicon_paths(job.lexicon))),
         "bundle": (open_learned(job.bundle).sha256, job.bundle_sha256, job.bundle or "the one that ships"),
     }
     for what, (actual, expected, where) in checks.items():
@@ -188,7 +188,7 @@ def open_maker(out: Path, n_kept: int, _: str = "") -> SentenceMaker:
                 f"{out}: its {what}, {where}, is another in this process than when it was begun; "
                 "put that one back there"
             )
-    return SentenceMaker(words, job.bundle, n_kept)
+    return SentenceMaker(words, job.bundle, n_words_kept)
 
 
 def remake(out: str, row: int, output: str, report: str | None) -> str:
@@ -204,7 +204,7 @@ def remake(out: str, row: int, output: str, report: str | None) -> str:
     (sentence,) = open_maker(folder, WORDS_KEPT).make(recipes.rows(folder / jobs.RECIPES, row, row + 1))
     if isinstance(sentence, FailedSentence):
         raise InputError(f"{out}: row {row}: {sentence.reason}")
-    index = jobs.index_of(folder, row // job.shard_size)
+    index = jobs.index_path(folder, row // job.shard_size)
     stored_sha256 = _motion_of(index, row, row % job.shard_size) if index.exists() else None
     if stored_sha256 not in (None, sentence.motion_sha256):
         where = f"this machine has {jobs.processor()}" if jobs.processor() != job.processor else "the same processor"
@@ -260,10 +260,10 @@ def _row(made: MadeSentence | FailedSentence, samples: _Samples | None, key: str
 @contextmanager
 def _samples(out: Path, job: BulkJob, shard: int) -> Iterator[_Samples | None]:
     """Yield the writer of a shard's samples, whose file is put in place if the block succeeds; None without samples."""
-    if job.store != jobs.FRAMES:
+    if job.store != jobs.STORE_SAMPLES:
         yield None
         return
-    with replacing(jobs.tar_of(out, shard)) as file, tarfile.open(file, "w", format=tarfile.USTAR_FORMAT) as tar:
+    with replacing(jobs.tar_path(out, shard)) as file, tarfile.open(file, "w", format=tarfile.USTAR_FORMAT) as tar:
         yield _Samples(tar, job)
 
 

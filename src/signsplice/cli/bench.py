@@ -52,7 +52,7 @@ def service(streams: int, rate: float, seconds: float, minutes: float, as_json: 
 @option("-o --output", "R.json", "File of the figures; tables of them go to R.md beside it.")
 @AS_JSON
 def bulk(lexicon: str | None, count: int, memory: int, seed: int, output: str | None, as_json: bool) -> None:
-    """Measure sentences in bulk: time a core, growth with workers, memory, bytes; and core-hours of a million."""
+    """Measure sentences in bulk: time per core, growth with workers, memory, bytes; and core-hours of a million."""
     if count < 40 or memory < 10 or (output is not None and not output.endswith(".json")):
         raise InputError("--count 40 or more, --memory 10 or more and -o R.json expected")
     for path in () if output is None else (Path(output), Path(output).with_suffix(".md")):

@@ -1,4 +1,4 @@
-"""Reads and writes clips of commands: reads with roles, writes by suffix, checks output names before any work."""
+"""Reads and writes clips for commands: reads with roles, writes by suffix, checks output names before any work."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _option_value(name: str) -> Any:
 
 
 def reads_clips(command: Command) -> Command:
-    """Add the option that lifts the limits on clips to a command that reads clips."""
+    """Add ``--no-limits`` to a command that reads clips."""
 
     @flag("--no-limits", "Read clips of any size: for files that you trust.", expose_value=False, callback=_keep)
     @wraps(command)
@@ -98,8 +98,8 @@ def load(
 
 def apply_rest_pose(clip: Clip) -> Clip:
     """Return a clip whose rest pose is the frame that the current command names, by default the first that shows a
-    person. A clip that has a rest pose, or whose zero pose shows a person, stays as it is: warns of a frame named for
-    the latter.
+    person. A clip that has a rest pose, or whose zero pose shows a person, stays as it is. Warns if its zero
+    pose shows a person and ``--rest-frame`` is given.
     """
     from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
@@ -122,15 +122,17 @@ reads_faces = combine_options(
 
 
 def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
-    """Return the face of each clip: the file of the same name, None without one; or by order if there is one face for
-    each clip.
+    """Return the face of each clip: the file of the same name, None without one; where not all faces find a clip by
+    name: by order, one for each. Raises ``InputError`` if that fails too.
     """
     by_name = {Path(face).stem.casefold(): face for face in faces}
     matched = [by_name.get(Path(clip).stem.casefold()) for clip in clips]
     if len({*matched} - {None}) == len(faces):
         return matched
     if len(faces) != len(clips):
-        raise InputError(f"{len(faces)} --face for {len(clips)} clips, expected one for each, or files of their names")
+        raise InputError(
+            f"{len(faces)} --face for {len(clips)} clips, expected one for each, or files named like the clips"
+        )
     return list(faces)
 
 
@@ -149,7 +151,9 @@ def read_roles(path: str | None) -> dict[str, str] | None:
 
 
 def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
-    """Return clips with the roles of a roles file; a recognised rig without any of its joints stays as it is."""
+    """Return clips with the roles of a roles file; a recognised rig that has none of the file's joints stays
+    as it is.
+    """
     from signsplice.formats import roles as roles_file
 
     joint_of = roles_file.read(roles)
@@ -157,7 +161,9 @@ def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
 
 
 def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
-    """Raise ``InputError`` for outputs that are unwritable or among ``inputs``, before any work; warn of hard links."""
+    """Raise ``InputError``, before any work, for an unknown suffix, a report named like the output, and outputs that
+    are unwritable or among ``inputs``; warn of hard links.
+    """
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         formats.check_suffix(output)
     if report is not None and Path(report).resolve() == Path(output).resolve():
@@ -187,11 +193,11 @@ def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:
     folder that holds an input.
     """
     for source in inputs:
-        if source and _is_read(Path(output), Path(source)):
+        if source and _would_overwrite(Path(output), Path(source)):
             raise InputError(f"{output}: would overwrite what is read from {source}; name another output")
 
 
-def _is_read(output: Path, source: Path) -> bool:
+def _would_overwrite(output: Path, source: Path) -> bool:
     try:
         written, read = output.stat(), source.stat()
         if output.is_dir():

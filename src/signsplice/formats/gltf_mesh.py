@@ -25,13 +25,13 @@ _DRACO = "KHR_draco_mesh_compression"
 _VERTEX_BYTES = 400
 """Bytes of memory counted for a vertex."""
 _INDEX_BYTES = 64
-"""Bytes of memory counted for an index of a triangle's corner. Reading takes up to twice that; with this count, dense
-meshes in files without textures pass.
+"""Bytes of memory counted for an index of a triangle's corner: half of what reading may take, so that dense meshes
+without textures pass.
 """
 _PART_BYTES = 4000
 """Bytes of memory counted for a mesh part."""
 _JOINT_BYTES = 400
-"""Bytes of memory counted for a joint of a skin."""
+"""Bytes of memory counted for a joint of a glTF skin."""
 _LOOSE = {
     *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
     *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
@@ -52,9 +52,9 @@ _SKIN_JOINTS = {
 }
 """Words in names of joints without a role that carry skin even if a spring moves them or their name is in ``_LOOSE``.
 """
-_LOOSE_SIGNS = ("髪", "スカート", "リボン", "帽", "眼鏡")
+_LOOSE_JAPANESE = ("髪", "スカート", "リボン", "帽", "眼鏡")
 """Japanese words with the meaning of ``_LOOSE``."""
-_SKIN_JOINT_SIGNS = ("胸", "乳")
+_SKIN_JOINTS_JAPANESE = ("胸", "乳")
 """Japanese words with the meaning of ``_SKIN_JOINTS``."""
 _WORD = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 
@@ -71,11 +71,12 @@ def is_cloth(name: str) -> bool:
 
 def is_loose(name: str) -> bool:
     """Whether a name denotes hair, hanging clothing, or an accessory."""
-    return bool(words(name) & _LOOSE) or any(sign in name for sign in _LOOSE_SIGNS)
+    return bool(words(name) & _LOOSE) or any(word in name for word in _LOOSE_JAPANESE)
 
 
 _Bones = tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]
-"""Joints that carry a mesh: matrices (B, 4, 4) to the rest pose, skeleton rows (B,), and whether they carry skin (B,).
+"""Joints that carry a mesh: matrices (B, 4, 4) from the mesh's space to the rest pose, skeleton rows (B,), and whether
+they carry skin (B,).
 """
 
 
@@ -112,18 +113,19 @@ class MeshReader(SkeletonDocument):
         return matrix
 
     def read_meshes(
-        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, named: Sequence[str] = ()
+        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, skin_names: Sequence[str] = ()
     ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
-        """Return the meshes that joints carry, and their skin vertices, None if there are none.
+        """Return the meshes that joints carry, and their vertices on skin or clothing (no hair, skirts, accessories),
+        None if there are none.
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
-        named: meshes, nodes and materials that are skin, and all others cloth; if empty, names of clothing are cloth,
-        but a material named skin is skin. Raises ``InputError`` for a name that matches none.
+        skin_names: meshes, nodes and materials that are skin: all others are then cloth. If empty, names of clothing
+        are cloth, but a material named skin is skin. Raises ``InputError`` for a name that matches none.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
         parts: list[MeshPart] = []
-        skin_masks: list[NDArray[np.bool_]] = []
+        on_body_masks: list[NDArray[np.bool_]] = []
         cloth: list[bool] = []
         seen: set[str] = set()
         for node, fields in enumerate(self.nodes):
@@ -137,31 +139,33 @@ class MeshReader(SkeletonDocument):
             self.n_unread_parts += len(mesh["primitives"]) - len(primitives)
             for primitive in primitives:
                 names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
-                part, is_skin = self._part(primitive, bones, turn, origin)
+                part, on_body = self._part(primitive, bones, turn, origin)
                 parts.append(part)
                 seen.update(names)
-                is_named = bool({*names} & {*named})
-                skin_masks.append(is_skin & (is_named or not any(map(is_loose, names))))
-                cloth.append(not is_named if named else any(map(is_cloth, names)) and "skin" not in words(names[2]))
-        if unknown := [name for name in named if name not in seen]:
+                is_named = bool({*names} & {*skin_names})
+                on_body_masks.append(on_body & (is_named or not any(map(is_loose, names))))
+                cloth.append(
+                    not is_named if skin_names else any(map(is_cloth, names)) and "skin" not in words(names[2])
+                )
+        if unknown := [name for name in skin_names if name not in seen]:
             known = ", ".join(sorted(seen - {"None"}))  # "None": of what has no name
             raise InputError(
                 f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
             )
-        if not any(mask.any() for mask in skin_masks):
+        if not any(mask.any() for mask in on_body_masks):
             return tuple(parts), None
         firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-        is_skin = np.concatenate(skin_masks)
-        new_rows = np.cumsum(is_skin) - 1
+        on_body = np.concatenate(on_body_masks)
+        new_rows = np.cumsum(on_body) - 1
         triangles = np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=True)])
-        triangles = new_rows[triangles[is_skin[triangles].all(axis=1)]]
-        masked = list(zip(parts, skin_masks, strict=True))
+        triangles = new_rows[triangles[on_body[triangles].all(axis=1)]]
+        masked = list(zip(parts, on_body_masks, strict=True))
         vertices, weights = (
             np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
         )
         joints = np.concatenate([part.joints[mask] for part, mask in masked])
         is_clothing = np.concatenate(
-            [np.full(mask.sum(), covers) for mask, covers in zip(skin_masks, cloth, strict=True)]
+            [np.full(mask.sum(), covers) for mask, covers in zip(on_body_masks, cloth, strict=True)]
         )
         return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
 
@@ -183,10 +187,11 @@ class MeshReader(SkeletonDocument):
             return None if row < 0 else (self.world(node)[None], np.array([row]), np.array([carries_skin]))
         skin = self._row(self.skins, number, "skin")
         if number not in self._skins:
-            self._skins[number] = self._bones_of_skin(skin)
+            self._skins[number] = self._bones_of_binding(skin)
         return self._skins[number]
 
-    def _bones_of_skin(self, skin: Fields) -> _Bones:
+    def _bones_of_binding(self, skin: Fields) -> _Bones:
+        """Return the joints of a glTF skin, which binds a mesh to joints."""
         joints = skin["joints"]
         if len(joints) > len(self.nodes):
             raise self._error(f"a skin names {len(joints)} joints, of {len(self.nodes)} nodes")
@@ -212,7 +217,7 @@ class MeshReader(SkeletonDocument):
             row, carries_skin = (rows[node], True) if node in rows else above
             if carries_skin and node not in rows:
                 name = str(self.nodes[node].get("name"))
-                is_named = bool(words(name) & _SKIN_JOINTS) or any(sign in name for sign in _SKIN_JOINT_SIGNS)
+                is_named = bool(words(name) & _SKIN_JOINTS) or any(word in name for word in _SKIN_JOINTS_JAPANESE)
                 carries_skin = is_named or not (is_loose(name) or node in self._springs)
             carriers[node] = row, carries_skin
         return carriers
@@ -238,7 +243,7 @@ class MeshReader(SkeletonDocument):
     def _part(
         self, primitive: Fields, bones: _Bones, turn: FloatArray, origin: FloatArray
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
-        """Return a primitive in the rest pose, and the mask (V,) of its skin vertices."""
+        """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry."""
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
         attributes, (matrices, rows, carries_skin) = primitive["attributes"], bones

@@ -59,11 +59,11 @@ def shorten_json(value: Any) -> str:
 
 def check_type(value: Any, kind: Any, where: str) -> None:
     """Raise ``TypeError`` if a JSON value is not of type ``kind``: a plain one, a union, a ``Literal``, a list, a
-    mapping of names, a tuple (in JSON a list), or a dataclass (in JSON an object with all its fields). ``where``: the
-    value's name in the message.
+    mapping with names as keys, a tuple (in JSON a list), or a dataclass (in JSON an object with all its fields).
+    ``where``: the value's name in the message.
 
-    Numbers must be finite, and whole numbers fit into 64 bits; true is no number. Null stands for NaN if a float is
-    ``Annotated``.
+    Numbers must be finite, and whole numbers fit into 64 bits; true is no number. ``Annotated[float, ...]``
+    also takes null, for NaN.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:

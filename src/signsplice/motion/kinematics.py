@@ -28,23 +28,23 @@ def forward(
     skeleton = clip.skeleton
     path = _joint_path(skeleton, None if joints is None else tuple(int(joint) for joint in joints), origin or 0)
     # Components first, frames last, all joints of one depth together: few operations on long rows. Each joint has a
-    # 3 x 4 matrix of rotation and position: (3, 4, K, T).
-    local = np.empty((3, 4, len(path.order), len(clip.local_rotations)))
-    _components_first(clip.local_rotations[:, path.order], out=local[:, :3])
+    # 3 x 4 matrix of rotation and position: (3, 4, K, T); local, then made global depth by depth.
+    matrices = np.empty((3, 4, len(path.order), len(clip.local_rotations)))
+    _write_matrices(clip.local_rotations[:, path.order], out=matrices[:, :3])
     if clip.translations is None:
-        local[:, 3] = skeleton.offsets[path.order].T[..., None]
+        matrices[:, 3] = skeleton.offsets[path.order].T[..., None]
     else:
-        local[:, 3] = clip.translations[:, path.order].transpose(2, 1, 0)
+        matrices[:, 3] = clip.translations[:, path.order].transpose(2, 1, 0)
     if origin is None:
-        local[:, 3, 0] = clip.root_positions.T
+        matrices[:, 3, 0] = clip.root_positions.T
     else:
-        local[:, :, 0] = np.eye(3, 4)[..., None]
+        matrices[:, :, 0] = np.eye(3, 4)[..., None]
     for rows, parents in path.levels:
-        parent_matrices = local.take(parents, axis=2)
-        child_matrices = np.einsum("abkt,bckt->ackt", parent_matrices[:, :3], local[:, :, rows])
+        parent_matrices = matrices.take(parents, axis=2)
+        child_matrices = np.einsum("abkt,bckt->ackt", parent_matrices[:, :3], matrices[:, :, rows])
         child_matrices[:, 3] += parent_matrices[:, 3]
-        local[:, :, rows] = child_matrices
-    selected = local[:, :, path.wanted].transpose(3, 2, 0, 1)
+        matrices[:, :, rows] = child_matrices
+    selected = matrices[:, :, path.wanted].transpose(3, 2, 0, 1)
     return selected[..., :3], selected[..., 3]
 
 
@@ -71,6 +71,7 @@ def _joint_path(skeleton: Skeleton, joints: tuple[int, ...] | None, origin: int)
 
 
 def _no_paths(_: Skeleton) -> dict[tuple[tuple[int, ...] | None, int], _JointPath]:
+    """Return an empty cache of a skeleton: (joints, origin) -> path."""
     return {}
 
 
@@ -117,7 +118,7 @@ def common_ancestor(skeleton: Skeleton, joints: Sequence[int]) -> int:
     return max(shared)
 
 
-def _components_first(q: FloatArray, out: FloatArray) -> None:
+def _write_matrices(q: FloatArray, out: FloatArray) -> None:
     """Write the rotation matrices of quaternions (T, K, 4) to ``out`` (3, 3, K, T)."""
     x, y, z, w = np.ascontiguousarray(q.transpose(2, 1, 0))
     x2, y2, z2 = x + x, y + y, z + z

@@ -26,7 +26,7 @@ GIF_FPS = 25.0
 
 GIF_SIZE = (480, 480)
 """Default width and height of a GIF, pixels."""
-_N_FREE = 200
+_N_PICTURE_COLOURS = 200
 """Number of GIF colours chosen from the first picture; the rest are reserved for marks, hands and mouth."""
 
 MP4_SIZE = (1080, 1080)
@@ -75,44 +75,49 @@ def _pictures(
     clip: Clip, scene: Scene, size: tuple[int, int], frames: Iterable[int], marks: Sequence[Mark]
 ) -> Iterator[Any]:
     """Yields Pillow images of ``frames``: the signer, with a bar below for the caption, the spans and the playhead."""
-    image_, draw_ = pillow("Image"), pillow("ImageDraw")
+    pillow_image, pillow_draw = pillow("Image"), pillow("ImageDraw")
     width, height = size
     bar = max(36, height // 14) // 2 * 2
     for frame in frames:
-        page = image_.new("RGB", size, PAPER)
-        page.paste(image_.fromarray(draw(scene, frame, width, height - bar)), (0, 0))
-        pen = draw_.Draw(page)
+        page = pillow_image.new("RGB", size, PAPER)
+        page.paste(pillow_image.fromarray(draw(scene, frame, width, height - bar)), (0, 0))
+        pen = pillow_draw.Draw(page)
         text, in_transition = caption(marks, frame)
         if in_transition:  # around the picture only: the timeline below stays visible
             pen.rectangle((0, 0, width - 1, height - bar - 1), outline=TRANSITION, width=max(2, width // 160))
         ink = TRANSITION if in_transition else INK
         write_line(pen, text, 0.5 * width, height - bar + 2, width - 16, ink, bar // 2)
-        thick = max(8, height // 90)
+        timeline_px = max(8, height // 90)
         for mark in marks:
             x0, x1 = (round(width * edge / len(clip)) for edge in (mark.start, mark.stop))
             colour = TRANSITION if mark.kind == "transition" else SIGN
-            pen.rectangle((x0, height - thick, max(x1 - 1, x0), height - 1), fill=colour)
-        now = round(width * (frame + 0.5) / len(clip))
-        pen.rectangle((now - thick // 4, height - thick * 3 // 2, now + thick // 4, height - 1), fill=INK)
+            pen.rectangle((x0, height - timeline_px, max(x1 - 1, x0), height - 1), fill=colour)
+        playhead_x = round(width * (frame + 0.5) / len(clip))
+        pen.rectangle(
+            (playhead_x - timeline_px // 4, height - timeline_px * 3 // 2, playhead_x + timeline_px // 4, height - 1),
+            fill=INK,
+        )
         yield page
 
 
 def _write_gif(pages: Iterator[Any], delays: Sequence[int], path: Path) -> None:
     """Write pictures as a GIF; ``delays``: duration of each, hundredths of a second."""
-    image_, palette = pillow("Image"), None
+    pillow_image, palette = pillow("Image"), None
     drawn: list[Any] = []
     for page in pages:
-        palette = palette or _with_colours(page.quantize(colors=_N_FREE, method=image_.Quantize.MEDIANCUT))
-        drawn.append(page.quantize(palette=palette, dither=image_.Dither.NONE))
+        palette = palette or _with_reserved_colours(
+            page.quantize(colors=_N_PICTURE_COLOURS, method=pillow_image.Quantize.MEDIANCUT)
+        )
+        drawn.append(page.quantize(palette=palette, dither=pillow_image.Dither.NONE))
     milliseconds = [10 * delay for delay in delays]
     options = {"append_images": drawn[1:], "duration": milliseconds, "loop": 0, "optimize": False}
     drawn[0].save(path, format="GIF", save_all=True, **options)
 
 
-def _with_colours(palette: Any) -> Any:
+def _with_reserved_colours(palette: Any) -> Any:
     """Adds the colours of marks, hands and mouth to a palette; the first picture may show few of them."""
-    colours = palette.getpalette()[: _N_FREE * 3]
-    colours += [PAPER[0]] * (_N_FREE * 3 - len(colours))
+    colours = palette.getpalette()[: _N_PICTURE_COLOURS * 3]
+    colours += [PAPER[0]] * (_N_PICTURE_COLOURS * 3 - len(colours))
     colours += [channel for colour in detail_colours() for channel in colour]
     for colour in (TRANSITION, SIGN, INK):
         for alpha in (1.0, 0.75, 0.5, 0.25):
@@ -126,8 +131,8 @@ def gif_timing(n_frames: int, fps: float) -> tuple[list[int], list[int]]:
 
     Each frame ends at the hundredth nearest to its time in the clip, so that rounding errors do not accumulate.
     """
-    shown = max(1, int(np.ceil(n_frames * min(1.0, GIF_FPS / fps))))
-    starts = np.floor(np.arange(shown) * n_frames / shown + 1e-9).astype(int)
+    n_shown = max(1, int(np.ceil(n_frames * min(1.0, GIF_FPS / fps))))
+    starts = np.floor(np.arange(n_shown) * n_frames / n_shown + 1e-9).astype(int)
     ends = np.append(starts[1:], n_frames)
     hundredths = np.round(np.append(0, ends) * 100.0 / fps).astype(int)
     return starts.tolist(), np.maximum(np.diff(hundredths), 1).tolist()

@@ -14,11 +14,11 @@ from signsplice.render.picture import make_scene
 _RATE = 12.5
 """Drawn frames a second; the browser interpolates between them."""
 _MOST_POSITIONS = 10_000
-"""Largest number of drawn capsule positions, which limits the size of a long clip."""
+"""Largest number of drawn capsule positions, which limits the size of a long clip's drawing."""
 _HEIGHT = 400
 """Height of the drawing, about in pixels."""
 _OUTLINE = 3
-"""Extra width of a part's dark outline, in the units of ``_HEIGHT``."""
+"""Stroke width of a part's dark outline minus the part's, in the units of ``_HEIGHT``; shirts have no outline."""
 _PAGE = """<style>body{{margin:0;font:14px sans-serif}}svg{{display:block;height:{height}px;margin:auto}}\
 path,use{{fill:none;stroke-linecap:round}}</style>{drawing}<button>Pause</button> \
 <input type=range min=0 max={seconds} step=.01 value=0 aria-label="Time" style="width:60%"><script>
@@ -32,7 +32,7 @@ if(matchMedia("(prefers-reduced-motion: reduce)").matches)show(false)
 
 
 def html(clip: Clip) -> str:
-    """Returns the signer of a clip from the front as an animated SVG, below 300 kB, in a sandboxed frame with a button
+    """Returns the signer of a clip from the front as an animated SVG, below 300 kB, in a sandboxed iframe with a button
     and a slider. The animation also runs without scripts.
     """
     page = _PAGE.format(drawing=drawing(clip), height=_HEIGHT, seconds=f"{clip.seconds:.3f}")

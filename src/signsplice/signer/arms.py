@@ -309,7 +309,7 @@ def ease_wrists(
     inner = room + LIMIT_MARGIN * (2.0 * np.minimum(room / LIMIT_MARGIN, 1.0) - 1.0)
     low, high = _ANGLE_LIMITS.T
     angles = np.where(room > 0.0, np.clip(angles, low + inner, high - inner), angles) + added
-    return turn_arms(states, arm, pose.hands_at(arm, angles, swivels), swivels, signer)
+    return turn_arms(states, arm, pose.hand_quats_at(arm, angles, swivels), swivels, signer)
 
 
 _CANDIDATE_TWISTS = np.deg2rad(np.linspace(-92.0, 92.0, 25))
@@ -335,7 +335,7 @@ def limit_forearm_speed(states: FloatArray, signer: Signer, fps: float) -> Float
         path = gaussian_filter1d(path, WRISTS.twist_smoothing_s * fps, mode="nearest")
         swing = gaussian_filter1d(within[:, which, 1:], WRISTS.twist_smoothing_s * fps, axis=0, mode="nearest")
         angles[:, which] += weight[:, None] * (np.column_stack([path, swing]) - within[:, which])
-    quats = pose.hands_at(arm, angles, wanted.swivel)
+    quats = pose.hand_quats_at(arm, angles, wanted.swivel)
     new_states = states.copy()
     fast = fast.any(axis=0)
     pose.hands(new_states)[:, fast, pose.ROTVEC] = rotation.log(quats)[:, fast]

@@ -65,8 +65,8 @@ class ArmCosts:
 
 
 @dataclass(frozen=True)
-class JointShares:
-    """Shares of single joints in the motion of trunk, head, collar bones and legs."""
+class JointMotion:
+    """How trunk, head, collar bones and legs move: shares, largest angles (radians), the leg's length (cm)."""
 
     lowest_spine: float = 0.7
     """Share of the spine's lowest joint in the trunk's rotation if trunk and head move much."""
@@ -83,7 +83,7 @@ class JointShares:
 
 
 _COSTS = ArmCosts()
-_SHARES = JointShares()
+_JOINT_MOTION = JointMotion()
 
 WRIST_LIMITS = np.deg2rad([[-38.0, 28.0], [-72.0, 82.0]])
 """Least and greatest deviation (positive towards the thumb) and flexion (positive towards the palm) of the wrist,
@@ -108,14 +108,13 @@ _COMFORTABLE_ANGLES = np.deg2rad([[-78.0, 78.0], [-25.0, 15.0], [-45.0, 45.0]])
 def swivel_costs(
     arm: Arm, rotvecs: FloatArray, signer: Signer, swivels: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angles (..., S), radians, by which forearm and wrist miss the rotations ``rotvecs`` (..., 3) because of their
-    limits, with elbows at ``swivels`` (S,); the costs of these elbows; and the costs of uncomfortable forearms and
-    wrists.
+    """Three arrays (..., S), for elbows at ``swivels`` (S,): the angle, radians, by which limits keep the hand from
+    ``rotvecs`` (..., 3); the cost of the elbow; the cost of uncomfortable forearm and wrist angles.
     """
-    turned = _wrist_rotations(arm, rotvecs, swivels)
+    turned = _hand_quats_at_swivels(arm, rotvecs, swivels)
     angles = angles_of(turned)
     limited = [soft_clip(x, low, high, LIMIT_MARGIN) for x, (low, high) in zip(angles, _ANGLE_LIMITS, strict=True)]
-    reached = _from_forearm(np.stack(limited, axis=-1))
+    reached = _hand_quats(np.stack(limited, axis=-1))
     # The angle between both rotations, from the cosine of its half.
     half = np.minimum(np.abs(np.einsum("...c,...c->...", reached, turned)), 1.0)
     strain = sum(
@@ -125,7 +124,7 @@ def swivel_costs(
     return 2.0 * np.arccos(half), _costs(arm, angles, signer, swivels), np.asarray(strain)
 
 
-def _wrist_rotations(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
+def _hand_quats_at_swivels(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -> FloatArray:
     """Rotations (..., S, 4) from forearm to hand with elbows at ``swivels`` (S,)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     half = -0.5 * swivels[:, None]
@@ -171,11 +170,11 @@ def _low_elbow_cost(arm: Arm, angles: FloatArray, signer: Signer, swivels: Float
 
 def _trunk_depth(points: FloatArray) -> FloatArray:
     """Depth (...) of an arm's axis at points (..., 3) in the trunk of the standard body, cm: an oval around a line from
-    side to side, whole up to the chest joint; from there it fades out to the height of the collar joints.
+    side to side; in full up to the chest joint, fading out to the collar joints; negative outside.
     """
-    half_width, thick = 9.3, 13.5  # thick: half of the trunk's and half of the arm's
+    half_width, reach = 9.3, 13.5  # cm; reach: half of the trunk's thickness and half of the arm's
     sideways = np.maximum(np.abs(points[..., 0]) - half_width, 0.0)
-    depth = thick - np.sqrt(np.square(sideways) + np.square(points[..., 2] - 0.7))
+    depth = reach - np.sqrt(np.square(sideways) + np.square(points[..., 2] - 0.7))
     return np.asarray(depth * smooth_step((10.0 - points[..., 1]) / 10.0))
 
 
@@ -289,7 +288,7 @@ def _solve_arm(data: bytes, shape: tuple[int, ...], scale: float, shoulders: flo
     reached = np.empty((2, *x.shape))  # how far the hand is up and forward; the collar bone moves from 0 to 1
     reached[0], reached[1] = (y + 0.35) / 1.2, (z + 0.5 * x - 0.25) / 0.9
     half_angles = smooth_step(reached)
-    half_angles *= 0.5 * np.reshape((_SHARES.collar_rise, _SHARES.collar_swing), (2, *(1,) * x.ndim))
+    half_angles *= 0.5 * np.reshape((_JOINT_MOTION.collar_rise, _JOINT_MOTION.collar_swing), (2, *(1,) * x.ndim))
     (sin_rise, sin_swing), (cos_rise, cos_swing) = np.sin(half_angles), np.cos(half_angles)
     collar = np.empty((*x.shape, 4))  # Y after -Z
     collar[..., 0], collar[..., 1], collar[..., 2], collar[..., 3] = (
@@ -394,7 +393,9 @@ def easy_swivels(arm: Arm, rotvecs: FloatArray, signer: Signer) -> FloatArray:
 def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer) -> FloatArray:
     """``easy_swivels`` for rotation vectors given as bytes."""
     swivels = _CANDIDATE_SWIVELS
-    cost = _costs(arm, angles_of(_wrist_rotations(arm, np.frombuffer(data).reshape(shape), swivels)), signer, swivels)
+    cost = _costs(
+        arm, angles_of(_hand_quats_at_swivels(arm, np.frombuffer(data).reshape(shape), swivels)), signer, swivels
+    )
     sharpness = _COSTS.sharpness / (1.0 + _COSTS.low_elbow_blunting * signer.manner.low_elbows)
     weight = np.exp(-sharpness * (cost - cost.min(axis=-1, keepdims=True)))
     return np.asarray((weight @ swivels) / weight.sum(axis=-1))
@@ -413,13 +414,15 @@ def arm_angles_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> ArmAngles
     return ArmAngles(swivels, *angles_of(rotation.multiply(rotation.exp(-swivels[..., None] * axis), quats)))
 
 
-def hands_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
-    """Inverse of ``arm_angles_at``: the rotations with twist, deviation and flexion ``angles`` (..., 3)."""
+def hand_quats_at(arm: Arm, angles: FloatArray, swivels: FloatArray) -> FloatArray:
+    """Inverse of ``arm_angles_at``: the rotations (..., 4), from the forearms of hanging elbows, with twist, deviation
+    and flexion ``angles`` (..., 3).
+    """
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
-    return rotation.multiply(rotation.exp(swivels[..., None] * axis), _from_forearm(angles))
+    return rotation.multiply(rotation.exp(swivels[..., None] * axis), _hand_quats(angles))
 
 
-def _from_forearm(angles: FloatArray) -> FloatArray:
+def _hand_quats(angles: FloatArray) -> FloatArray:
     """Rotations (..., 4) from forearm to hand by twist, deviation and flexion (..., 3), deviation and flexion first."""
     twist, swing = np.zeros_like(angles), angles.copy()
     twist[..., 0], swing[..., 0] = angles[..., 0], 0.0
@@ -446,8 +449,8 @@ def clip(states: FloatArray, signer: Signer, fps: float, name: str = "") -> Clip
 def rotations(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatArray]:
     """Local rotations (T, 53, 4) and root positions (T, 3), cm, of states (T, 65)."""
     local_quats, roots = without_arms(states, signer)
-    turns = arm_rotations(*solve_arms_and_angles(states, signer))
-    chain = [turns[0], *(rotation.multiply(rotation.inverse(a), b) for a, b in itertools.pairwise(turns))]
+    arm_quats = arm_rotations(*solve_arms_and_angles(states, signer))
+    chain = [arm_quats[0], *(rotation.multiply(rotation.inverse(a), b) for a, b in itertools.pairwise(arm_quats))]
     for n, side in enumerate(_sides(signer)):
         mirror = MIRROR_QUAT if side == "Left" else 1.0
         for name, q in zip(ARM_JOINTS, chain, strict=True):
@@ -466,9 +469,9 @@ def without_arms(states: FloatArray, signer: Signer) -> tuple[FloatArray, FloatA
     local_quats[..., 3] = 1.0
     # Legs lean against the root's displacement, so that the feet stay in place.
     displacement = states[:, ROOT] * (MIRROR if signer.left_handed else 1.0)
-    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _SHARES.leg_cm
+    lean = np.stack([-displacement[:, 2], np.zeros(n_frames), displacement[:, 0]], axis=-1) / _JOINT_MOTION.leg_cm
     parts = [states[:, TRUNK] / divisor for divisor in _trunk_divisors(signer)]
-    parts += [_SHARES.neck * states[:, HEAD], _SHARES.head * states[:, HEAD]]
+    parts += [_JOINT_MOTION.neck * states[:, HEAD], _JOINT_MOTION.head * states[:, HEAD]]
     local_quats[:, _TRUNK_AND_HEAD + _LEGS] = rotation.exp(np.stack([*parts, -lean, -lean, lean, lean], axis=1))
     fingers = hand.rotations(hands(states)[..., FINGERS])
     for n, side in enumerate(_sides(signer)):
@@ -508,5 +511,5 @@ def _trunk_divisors(signer: Signer) -> tuple[float, float, float]:
     """Divisors of the trunk's rotation for each joint of the spine: 3 each in plain motion; in captured signing the
     lowest joint turns several times as fast as the others.
     """
-    lowest = 1.0 / 3.0 + (_SHARES.lowest_spine - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
+    lowest = 1.0 / 3.0 + (_JOINT_MOTION.lowest_spine - 1.0 / 3.0) * min(signer.manner.body_motion, 1.0)
     return (1.0 / lowest, 2.0 / (1.0 - lowest), 2.0 / (1.0 - lowest)) if signer.manner.body_motion else (3.0, 3.0, 3.0)

@@ -4,8 +4,8 @@ transition.
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 An emitted piece never changes: a word is final as soon as the next word is known. Frames of a sign are those of its
-aligned clip, bit for bit, or slerps between them under a tempo. New are only transition frames, what passes edit (arms
-of idle hands, spelled letters), and what rules add to faces.
+aligned clip, bit for bit (under a tempo, slerps between them), except where passes edit arms (of idle hands, of spelled
+letters) or rules change the face. Only frames of transitions and pauses are new.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ __all__ = ["MAX_TRANSITION_S", "Piece", "Span", "SpliceOptions", "SpliceResult",
 
 
 def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> SpliceResult:
-    """Joins clips in order into one continuous clip. A ``Word`` in place of a clip adds whether it begins another
-    spelled word, at which mark it is held (ignored if a system splices whole words), and the brows of its question (if
-    the options have rules for faces). Neighbouring letters (clips named fs-A) form one spelled word.
+    """Joins clips in order into one continuous clip. A ``Word`` in place of a clip may add that a new spelled
+    word begins, the punctuation mark at which it is held (ignored if a system splices whole words), and "raised" or
+    "furrowed" brows in a question (if the options have rules for faces). Neighbouring letters (clips named fs- and the
+    letter) form one spelled word.
 
     Raises ``InputError`` if there is no clip or an option is out of range, ``RigMismatchError`` if rigs have nothing in
     common, ``LimitError`` if a clip has too many frames at the output rate, ``TypeError`` for an item that is not a
@@ -83,10 +84,10 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
 def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Yields the pieces of the sentence in order, each as soon as the next clip is known; joined, they equal the result
     of ``splice`` bit for bit, with one exception: a cutter that chooses all seams of a sentence together
-    (``LearnedCutter``, the default) sees only two words at a time here, and its choice differs if a word would be left
-    before it was entered.
+    (``LearnedCutter``, the default) sees only two words at a time here, and its choice differs if cuts chosen pair by
+    pair would leave a word at an earlier frame than they enter it.
 
-    Reads ``clips`` one ahead; yields nothing without clips. Raises as ``splice`` does, at the wrong clip.
+    Reads ``clips`` one ahead; yields nothing without clips. Raises as ``splice`` does, on reaching the faulty clip.
     """
     growing = Stream(options)
     check_list(clips)
@@ -138,6 +139,7 @@ def inbetween(
     entries = [0, *(stop for _, stop in ranges)]  # first frame of each kept stretch
     ends = [*(start for start, _ in ranges), len(clip)]  # and the frame after its last
     began = perf_counter()
+    # Whether the clip was drawn between keys, not captured.
     keyed = judge_keyedness(*(clip[start:stop] for start, stop in zip(entries, ends, strict=True))).is_keyed
     word, planned = AlignedWord(0, clip, clip, FrameMap()), list[Seam]()
     for k, (start, stop) in enumerate(ranges):
@@ -150,14 +152,14 @@ def inbetween(
     spans: list[Span] = []
     seams: list[SeamScore] = []
     pieces: list[Clip] = []
-    for k, (seam, seen) in enumerate(zip(planned, seam_positions(planned), strict=True)):
+    for k, (seam, positions) in enumerate(zip(planned, seam_positions(planned), strict=True)):
         stretch, (start, stop), new = (entries[k], ends[k]), ranges[k], seam.new_frames
         if clip.face is not None:
             face = ease_face(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
             new = copy_unchecked(new, face=face)
         pieces += [clip[stretch[0] : stretch[1]], new]
         spans += [Span("sign", 0, clip.name, stretch, stretch), Span("transition", None, None, None, (start, stop))]
-        seams += [score for score in (score_seam(seam, seen).score,) if score is not None]
+        seams += [score for score in (score_seam(seam, positions).score,) if score is not None]
     stretch = entries[-1], len(clip)
     pieces.append(clip[stretch[0] :])
     spans.append(Span("sign", 0, clip.name, stretch, stretch))

@@ -10,7 +10,7 @@ Huang, Xing, Shen and Fan, "Sign Language Animation Splicing Model Based on LpTr
     TFGN, eq. 12 to 16          ``LpTransformer.new_frames``, the graphs encoder.onnx and decoder.onnx
     Filter, eq. 17              ``WholeSystem.filled_seam``; ``engine`` joins the pieces
 
-The networks know the bodies of synthetic signers. A clip's rotations are brought to the standard one
+The networks know the bodies of synthetic signers. A clip's rotations are brought to the standard body
 (``on_standard_body``) and the new frames back from it (``rig_clip``), so any clip with named arms can be spliced.
 LPT+ has another network for the positions, which reads each word alone, and the same parts after it.
 """
@@ -52,8 +52,9 @@ EXTENT = 1.3
 
 
 def splice_positions(logits: NDArray[np.float32], n_before: int, bias: float = 0.0) -> tuple[int | None, int | None]:
-    """Positions pre (a frame of P) and post (a frame of Q) from logits (N + M, 3) (eq. 10); None for a token whose
-    class wins at no frame. A position is the frame with the highest log-odds against "none".
+    """Positions from logits (N + M, 3) (eq. 10): pre, a frame of the word before (N frames, ``n_before``), and post,
+    counted from the first frame of the word after; None for a token whose class wins at no frame. A position is the
+    frame with the highest log-odds against "none".
 
     bias: added to the logits of both tokens first.
     """
@@ -64,8 +65,9 @@ def splice_positions(logits: NDArray[np.float32], n_before: int, bias: float = 0
 
 
 def cull(before: Array, after: Array, pre: int, post: int, fr: int) -> tuple[Array, NDArray[np.bool_]]:
-    """X_c (2 fr, K) and which of its rows are real frames (2 fr,): the ``fr`` frames up to and with ``pre``, and the
-    ``fr`` frames from ``post`` on (eq. 11; its last index is printed as post - fr + 1 and read as post + fr - 1).
+    """The culled frames X_c (2 fr, K), and which of its rows are real frames (2 fr,): the ``fr`` frames up to and with
+    ``pre``, and the ``fr`` frames from ``post`` on (eq. 11; its last index is printed as post - fr + 1 and read as
+    post + fr - 1).
 
     before, after: frames (N, K) and (M, K). Where one has fewer, its edge frame is repeated, and the mask is False.
     Raises ``InputError`` for a position outside them.
@@ -94,7 +96,7 @@ def decode(graphs: Sessions, encoded: Mapping[str, Array], most_frames: int, n_n
     return graphs.run("decoder", {**inputs, "fed": blank, "kinds": kinds, "start": np.array(0)})
 
 
-def single(x: Array) -> Array:
+def as_batch_of_one(x: Array) -> Array:
     """Frames (N, K) as a batch of one, in float32."""
     return np.ascontiguousarray(x[None], dtype=np.float32)
 
@@ -130,13 +132,17 @@ class JointPositionSplicer(WholeSystem):
         """The splice of two words' numbers (N, 159) and (M, 159)."""
 
     def splice_words(self, before: AlignedWord, after: AlignedWord) -> Seam:
-        """The seam at the system's positions, with its number of frames, and its frames."""
-        bodies = on_standard_body(before.clip), on_standard_body(after.clip)
-        spliced = self.predict_splice(numbers_of(bodies[0]), numbers_of(bodies[1]))
+        """The seam at the predicted positions, filled with the predicted frames on the clips' rig. Raises
+        ``NoSpliceError`` as ``filled_seam`` does: where a position is missing, for example.
+        """
+        clips_on_body = on_standard_body(before.clip), on_standard_body(after.clip)
+        spliced = self.predict_splice(numbers_of(clips_on_body[0]), numbers_of(clips_on_body[1]))
         new_clip = None
         if spliced.has_frames:
             kept_before, kept_after = slice((spliced.pre or 0) + 1), slice(spliced.post, None)
-            on_body = clip_of_positions(positions_of(spliced.frames), bodies[0][kept_before], bodies[1][kept_after])
+            on_body = clip_of_positions(
+                positions_of(spliced.frames), clips_on_body[0][kept_before], clips_on_body[1][kept_after]
+            )
             new_clip = rig_clip(on_body, before.clip[kept_before], after.clip[kept_after])
         return self.filled_seam(before, after, spliced.pre, spliced.post, new_clip, spliced.warnings)
 
@@ -166,14 +172,14 @@ class LpTransformer(JointPositionSplicer):
     def token_logits(self, before: FloatArray, after: FloatArray) -> NDArray[np.float32]:
         """The logits (N + M, 3) of no token, prePositionToken and postPositionToken (SPSN, eq. 4 to 9)."""
         x = np.concatenate([before, after])
-        inputs = {"x": single(x), "n_before": np.array([len(before)])}
+        inputs = {"x": as_batch_of_one(x), "n_before": np.array([len(before)])}
         return np.asarray(self.graphs.run("spsn", inputs, tokens=(1, len(x), 3))["tokens"][0])
 
     def new_frames(self, culled: Array, mask: NDArray[np.bool_]) -> FloatArray:
         """The frames (n, 159) between two words, of what Culling keeps of them (TFGN, eq. 12 to 16): up to the first
         that is classified as the last one.
         """
-        inputs = {"x": single(culled), "mask": mask[None], "n_before": np.array([self.fr])}
+        inputs = {"x": as_batch_of_one(culled), "mask": mask[None], "n_before": np.array([self.fr])}
         decoded = decode(self.graphs, self.graphs.run("encoder", inputs), self.most_frames, culled.shape[1])
         ends = np.flatnonzero(decoded["last"][0] > 0.0)
         return decoded["made"][0, : int(ends[0]) + 1 if len(ends) else self.most_frames].astype(np.float64)
@@ -212,8 +218,8 @@ def on_standard_body(clip: Clip) -> Clip:
 
 
 def numbers_of(body_clip: Clip) -> FloatArray:
-    """The numbers (T, 159) of a clip on the standard signer: cm from the middle of the body's height, over ``EXTENT``
-    statures.
+    """The numbers (T, 159) of a clip on the standard signer: cm from the middle of the body's height, divided by
+    ``EXTENT`` times the stature.
     """
     middle = np.array([0.0, 0.5 * STATURE_CM, 0.0])
     positions = kinematics.forward(body_clip)[1]  # (T, 53, 3)

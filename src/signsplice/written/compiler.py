@@ -37,22 +37,24 @@ from signsplice.written.vocabulary import ON_ARM, Spot, part_of_hand, plus, poin
 
 
 @dataclass(frozen=True)
-class Tracked:
+class TrackedSegment:
     """A segment, and whether it is a return movement (``Step.back``)."""
 
     segment: Segment
-    back: bool = False
+    is_return: bool = False
 
 
-def collapse_repetitions(track: list[Tracked]) -> list[Segment]:
-    """Write repetitions of one movement as ``times=``, and repeated circles and local movements as more cycles."""
+def collapse_repetitions(track: list[TrackedSegment]) -> list[Segment]:
+    """Write repetitions of one movement as ``times=``, repeated circles as more revolutions, local movements as
+    more cycles.
+    """
     segments: list[Segment] = []
     k = 0
     while k < len(track):
         segment = track[k].segment
         times = 1
         while (
-            segment.kind == "M" and segments and k + 2 < len(track) and track[k + 1].back
+            segment.kind == "M" and segments and k + 2 < len(track) and track[k + 1].is_return
             and not track[k + 1].segment.circles
             and track[k + 2].segment == segment
             and (track[k + 1].segment.strong, track[k + 1].segment.weak) == (segments[-1].strong, segments[-1].weak)
@@ -190,22 +192,22 @@ class _Compiler:
     pair: the last written pair, or None
     saved: (0 strong or 1 weak, group) -> the hand at the beginning of that group of steps
     written_hands: kind of hands of the part being compiled (``KINDS``)
-    two_handed: whether it is written for both hands
+    written_for_both: whether it is written for both hands
     """
 
     def __init__(self, parts: Sequence[WrittenSign], hands: str, lenient: bool) -> None:
         self.hands, self.lenient = hands, lenient
-        self.track: list[Tracked] = []
+        self.track: list[TrackedSegment] = []
         self.strong, self.weak = WrittenHand(0), WrittenHand(1)
         self.pair: Pair | None = None
         self.saved: dict[tuple[int, int], WrittenHand] = {}
-        self.written_hands, self.two_handed = "one", False
+        self.written_hands, self.written_for_both = "one", False
         for part in parts:
             self._add(part)
 
     def _add(self, sign: WrittenSign) -> None:
         """Add a sign, or a part of a compound."""
-        self.written_hands, self.two_handed = sign.hands, sign.hands not in ("one", "weak")
+        self.written_hands, self.written_for_both = sign.hands, sign.hands not in ("one", "weak")
         held_weak = self.weak if sign.holdover else WrittenHand(1)
         self.strong, self.weak, self.pair = WrittenHand(0, meets=self.hands == "symmetric"), WrittenHand(1), None
         self.saved = {}
@@ -231,7 +233,7 @@ class _Compiler:
         weak_view = View(weak_signs, 1, literal=sign.hands == "weak", opposite=sign.alternating)
         strong_steps: list[Step] = []
         weak_steps: list[Step] = []
-        for group, motion in enumerate(sign.motions, 100):  # groups within group g are numbered from 10 g
+        for group, motion in enumerate(sign.motions, 100):  # from 100: groups in g have numbers above 10 g
             strong_part = steps(motion, View(), group) if sign.hands != "weak" else []
             weak_part: list[Step] = []
             if self.hands == "base" and weak_takes_part:
@@ -251,13 +253,13 @@ class _Compiler:
                 self.saved[k, mark] = (self.strong, self.weak)[k]
         if strong_step.brushing is not None:
             self._brush(strong_step.brushing)
-        before = self.weak.posture
+        weak_before = self.weak.posture
         if strong_step.anywhere and not (
             on_base(self.strong.current_posture.location) and weak_step.path.kind == "circle"
         ):
             strong_step = replace(
                 strong_step,
-                path=from_skin(strong_step.path, self.strong.current_posture, before, self.hands == "symmetric"),
+                path=from_skin(strong_step.path, self.strong.current_posture, weak_before, self.hands == "symmetric"),
             )
         if weak_step.anywhere:
             weak_step = replace(weak_step, path=from_skin(weak_step.path, self.weak.current_posture, None, False))
@@ -266,22 +268,24 @@ class _Compiler:
             self._swap()
         self.weak = self._move_hand(self.weak, weak_step, None, None)
         alone = weak_step.path.kind != "straight" and not _same_direction(strong_step, weak_step)
-        self.strong = self._move_hand(self.strong, strong_step, self.weak.posture, before, alone)
+        self.strong = self._move_hand(self.strong, strong_step, self.weak.posture, weak_before, alone)
         for target in dict.fromkeys(t for t in targets if t is not None):
             self._place(target, first=False, moves=(target is strong_step.target, target is weak_step.target))
         self._emit(strong_step, weak_step)
 
     def _move_hand(
-        self, hand: WrittenHand, step: Step, weak: Posture | None, before: Posture | None, alone: bool = False
+        self, hand: WrittenHand, step: Step, weak: Posture | None, weak_before: Posture | None, alone: bool = False
     ) -> WrittenHand:
-        """Returns a hand after a step, before it moves to a target place."""
+        """Returns a hand after a step, before it moves to a target place. ``weak``, ``weak_before``, ``alone``: as in
+        ``WrittenHand.move_by``.
+        """
         if hand.posture is None:
             return hand
         if step.back is not None and (hand.which, step.back) in self.saved:
             saved = self.saved[hand.which, step.back]
-            return saved if unit(step.beyond) is None else saved.move_by(step.beyond, weak, before)
+            return saved if unit(step.beyond) is None else saved.move_by(step.beyond, weak, weak_before)
         changed = hand.apply_written_posture(step.target, self.written_hands, step.literal)
-        return changed.move_by(step.travel, weak, before, fast=step.tempo > 1.0, alone=alone)
+        return changed.move_by(step.travel, weak, weak_before, fast=step.tempo > 1.0, alone=alone)
 
     def _swap(self) -> None:
         """Swap the palm positions of the two hands."""
@@ -309,9 +313,9 @@ class _Compiler:
         weak_posture = posture.weak or WrittenPosture()
         pair = posture.pair or weak_posture.pair
         if (first or posture.place is not None) and moves[0]:
-            self.strong = self.strong.at_place(self.two_handed)
+            self.strong = self.strong.at_place(self.written_for_both)
         if moves[1] and (first or posture.place is not None or weak_posture.place is not None):
-            self.weak = self.weak.at_place(self.two_handed)
+            self.weak = self.weak.at_place(self.written_for_both)
         if pair is None:
             return
         if self.written_hands == "weak" or (self.written_hands == "one" and pair.weak is None and pair.place is None):
@@ -347,26 +351,26 @@ class _Compiler:
                 _, up, forward = point_of(where)
                 forward = max(forward, _PAIR_FORWARD)
                 strong_spot = replace(strong_spot, location=f"space:0,{up:.4g},{forward:.4g}", shift=(0.0, 0.0, 0.0))
-            self.strong = self.strong.at(strong_spot, False, touch=gap < 1.0)
+            self.strong = self.strong.at(strong_spot, one_handed=False, touch=gap < 1.0)
             if pair.strong is None and not where.touches:
                 self.strong = self._apart(gap)
             return
         if self.weak.posture is None:
             raise InputError("hands meet, but the sign has one")
-        arm = pair.weak is not None and ON_ARM.get(pair.weak.part)
-        weak_part = part_of_hand(pair.weak) if pair.weak is not None and not arm else "palm"
+        arm_location = pair.weak is not None and ON_ARM.get(pair.weak.part)
+        weak_part = part_of_hand(pair.weak) if pair.weak is not None and not arm_location else "palm"
         if pair.place is not None or place is not None or first:
             if not where.touches:
                 outward, up, forward = point_of(where)
                 forward = max(forward, _PAIR_FORWARD)
                 where = Spot(f"space:{0.0 - outward:.4g},{up:.4g},{forward:.4g}")  # as the weak hand sees it
-            self.weak = self.weak.at(replace(where, part=weak_part), False)
+            self.weak = self.weak.at(replace(where, part=weak_part), one_handed=False)
         weak = self.weak.current_posture
         if pair.weak is None and pair.strong is None:
             self.strong = self._beside_weak_hand(weak, gap)
         else:
-            where = Spot(arm or f"base-{weak_part}", gap, part=strong_part)
-            self.strong = self.strong.at(where, False, touch=gap < 1.0)
+            where = Spot(arm_location or f"base-{weak_part}", gap, part=strong_part)
+            self.strong = self.strong.at(where, one_handed=False, touch=gap < 1.0)
 
     def _apart(self, gap: float) -> WrittenHand:
         """Returns the strong hand at the distance from the midline that leaves ``gap`` between two mirrored hands."""
@@ -393,13 +397,13 @@ class _Compiler:
 
     def _beside_weak_hand(self, weak: Posture, gap: float) -> WrittenHand:
         """Returns the strong hand beside the weak hand, at its height, with ``gap`` between their skins."""
-        middle = palm_point(weak, None)
+        weak_palm = palm_point(weak, None)
         arm = weak_arm(weak)
-        outward = -middle[0] + 9.0 + gap
-        usual = self.strong.at(Spot("base-palm", part="palm"), False).current_posture
-        zero = palm_point(usual, weak)
+        outward = -weak_palm[0] + 9.0 + gap
+        usual = self.strong.at(Spot("base-palm", part="palm"), one_handed=False).current_posture
+        usual_palm = palm_point(usual, weak)
         for _ in range(4):
-            shift = plus((outward, middle[1], middle[2]), zero, -1.0)
+            shift = plus((outward, weak_palm[1], weak_palm[2]), usual_palm, -1.0)
             posture = replace(usual, shift=shift)
             state = pose.of_hands(strong_hand(posture, arm), arm.hand)
             missing = gap - float(between_hands(state[None], STANDARD)[0])
@@ -414,12 +418,14 @@ class _Compiler:
         weak = self.weak.current_posture if self.hands == "base" else None
         last = self.track[-1].segment if self.track else None
         if last is None:
-            self.track.append(Tracked(Segment("X", strong, weak)))
+            self.track.append(TrackedSegment(Segment("X", strong, weak)))
             return
         if on_base(strong.location) and on_base(last.strong.location) and weak_step.path.kind != "straight":
             strong_step = replace(strong_step, path=Path())  # carried along
-        back = strong_step.back is not None or weak_step.back is not None
-        tempo = _RETURN_TEMPO if back else float(np.clip(common_tempo(strong_step.tempo, weak_step.tempo), *_TEMPO))
+        is_return = strong_step.back is not None or weak_step.back is not None
+        tempo = (
+            _RETURN_TEMPO if is_return else float(np.clip(common_tempo(strong_step.tempo, weak_step.tempo), *_TEMPO))
+        )
         segment = Segment(
             "M", strong, weak,
             path=strong_step.path, local=strong_step.local,
@@ -431,7 +437,7 @@ class _Compiler:
         if not still or segment.local or segment.weak_local or segment.circles:
             if still and not segment.circles:
                 segment = replace(segment, path=Path())
-            self.track.append(Tracked(segment, back))
+            self.track.append(TrackedSegment(segment, is_return))
         pause = max(strong_step.pause_s, weak_step.pause_s)
         if pause:
-            self.track.append(Tracked(Segment("H", strong, weak, seconds=pause)))
+            self.track.append(TrackedSegment(Segment("H", strong, weak, seconds=pause)))

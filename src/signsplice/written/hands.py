@@ -151,12 +151,12 @@ class WrittenHand:
         return self.at(where, not two_handed)
 
     def move_by(
-        self, travel: Vector, weak: Posture | None, before: Posture | None, fast: bool = False, alone: bool = False
+        self, travel: Vector, weak: Posture | None, weak_before: Posture | None, fast: bool = False, alone: bool = False
     ) -> WrittenHand:
         """Returns the hand after a motion: the palm travels, but in a touch that only turns the touching part stays.
 
         weak: the weak hand's current posture, at which the strong hand may be
-        before: the weak hand's posture before the motion
+        weak_before: the weak hand's posture before the motion
         fast: the hand does not slide along the skin
         alone: the hand does not move along with the weak hand
         """
@@ -167,26 +167,26 @@ class WrittenHand:
         formed = turned.shape == old.shape
         steady = formed and dot(palm_axis, old.palm) > 0.999 and dot(finger_axis, old.fingers) > 0.999
         still = unit(travel) is None
-        if on_arm(old.location) and (weak != before or alone):
-            if not alone and steady and _together(travel, weak, before):
+        if on_arm(old.location) and (weak != weak_before or alone):
+            if not alone and steady and _together(travel, weak, weak_before):
                 return self
-            return self._in_space(turned, travel, before)
+            return self._in_space(turned, travel, weak_before)
         if steady and still:
             return replace(self, posture=turned)
         if self.meets and old.location.startswith("space:0,") and not (steady and abs(travel[0]) < 0.01):
-            return self._in_space(turned, travel, before)
+            return self._in_space(turned, travel, weak_before)
         if steady:
             return replace(self, posture=_shift_posture(turned, travel, weak, fast))
         if still and formed and old.off < 1.0 and not old.location.startswith("space"):
             return replace(self, posture=turned)
-        old_palm = palm_point(old, before, self.meets)
+        old_palm = palm_point(old, weak_before, self.meets)
         turned = _by_palm(turned)
         shift = plus(plus(old_palm, travel), palm_point(turned, weak), -1.0)
         return replace(self, posture=replace(turned, shift=shift))
 
-    def _in_space(self, turned: Posture, travel: Vector, before: Posture | None) -> WrittenHand:
+    def _in_space(self, turned: Posture, travel: Vector, weak_before: Posture | None) -> WrittenHand:
         """Returns the hand after a motion away from the other hand."""
-        location = in_space(plus(palm_point(self.current_posture, before, self.meets), travel))
+        location = in_space(plus(palm_point(self.current_posture, weak_before, self.meets), travel))
         return replace(self, posture=replace(_by_palm(turned), location=location))
 
 
@@ -195,13 +195,13 @@ def _by_palm(posture: Posture) -> Posture:
     return replace(posture, part="palm", off=0.0, shift=(0.0, 0.0, 0.0), touch=False)
 
 
-def _together(travel: Vector, weak: Posture | None, before: Posture | None) -> bool:
+def _together(travel: Vector, weak: Posture | None, weak_before: Posture | None) -> bool:
     """Whether a hand moves along with the weak hand, and the weak hand does not turn."""
-    if weak is None or before is None:
+    if weak is None or weak_before is None:
         return False
-    moved = _own(plus(palm_point(weak, None), palm_point(before, None), -1.0))
+    moved = _own(plus(palm_point(weak, None), palm_point(weak_before, None), -1.0))
     difference = plus(travel, moved, -1.0)
-    turns = (weak.fingers, weak.palm, weak.shape) != (before.fingers, before.palm, before.shape)
+    turns = (weak.fingers, weak.palm, weak.shape) != (weak_before.fingers, weak_before.palm, weak_before.shape)
     return not turns and dot(difference, difference) < 1.0
 
 

@@ -84,8 +84,8 @@ export const gltf_mesh = {
   LOOSE: ["acc", "accessories", "accessory", "ahoge", "backpack", "bag", "bangs", "bow", "braid", "cap", "cape", "cloak", "coat", "earring", "earrings", "eyelash", "eyelashes", "glasses", "goggles", "hair", "hat", "helmet", "hood", "horn", "lash", "lashes", "mask", "necklace", "necktie", "outline", "ponytail", "ribbon", "scarf", "skirt", "tail", "twintail", "weapon", "wig", "wing"],
   CLOTH: ["blouse", "boots", "bottom", "bottoms", "cloth", "clothes", "clothing", "cuff", "cuffs", "dress", "glove", "gloves", "hoodie", "jacket", "jeans", "kimono", "onepiece", "outfit", "pants", "robe", "shirt", "shoe", "shoes", "shorts", "sleeve", "sleeves", "socks", "suit", "sweater", "top", "tops", "trousers", "tshirt", "uniform", "vest", "yukata"],
   SKIN_JOINTS: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
-  LOOSE_SIGNS: ["髪", "スカート", "リボン", "帽", "眼鏡"],
-  SKIN_JOINT_SIGNS: ["胸", "乳"],
+  LOOSE_JAPANESE: ["髪", "スカート", "リボン", "帽", "眼鏡"],
+  SKIN_JOINTS_JAPANESE: ["胸", "乳"],
 } as const;
 
 export const skin_surface = {

@@ -132,7 +132,7 @@ class Carriers {
       const row = this.rows.get(node);
       if (row !== undefined) return { row, isSkin };
       const name = this.json.nodes[node]!.name ?? '';
-      const isNamed = [...words(name)].some((word) => SKIN_JOINTS.has(word)) || WORDS.SKIN_JOINT_SIGNS.some((sign) => name.includes(sign));
+      const isNamed = [...words(name)].some((word) => SKIN_JOINTS.has(word)) || WORDS.SKIN_JOINTS_JAPANESE.some((word) => name.includes(word));
       isSkin &&= isNamed || !(isLoose(name) || this.springs.has(node));
     }
     return { row: null, isSkin: false };
@@ -161,5 +161,5 @@ function words(name: string): Set<string> {
 
 /** Whether a name is that of hair, clothing that hangs, or an accessory. */
 function isLoose(name: string): boolean {
-  return [...words(name)].some((word) => LOOSE.has(word)) || WORDS.LOOSE_SIGNS.some((sign) => name.includes(sign));
+  return [...words(name)].some((word) => LOOSE.has(word)) || WORDS.LOOSE_JAPANESE.some((word) => name.includes(word));
 }

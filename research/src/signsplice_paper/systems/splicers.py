@@ -14,7 +14,7 @@ import numpy as np
 
 from signsplice.motion import FloatArray
 from signsplice.splicing.bundle import Array, Sessions
-from signsplice.splicing.lptransformer import START, cull, decode, single, splice_positions
+from signsplice.splicing.lptransformer import START, as_batch_of_one, cull, decode, splice_positions
 from signsplice_paper.configs import PaperConfig, RunConfig
 from signsplice_paper.prediction import N_NUMBERS, Prediction
 
@@ -106,7 +106,7 @@ class TwoNetworkSystem(PaperSystem):
 
     def tokens(self, before: FloatArray, after: FloatArray) -> Array:
         """Returns the logits (N + M, 3) of the tokens."""
-        inputs = {"x": single(np.concatenate([before, after])), "n_before": np.array([len(before)])}
+        inputs = {"x": as_batch_of_one(np.concatenate([before, after])), "n_before": np.array([len(before)])}
         return np.asarray(self.graphs.run("spsn", inputs)["tokens"][0])
 
     def fill(self, before: FloatArray, after: FloatArray, pre: int, post: int) -> FloatArray:
@@ -126,7 +126,7 @@ class TwoNetworkSystem(PaperSystem):
         else:
             x, mask = cull(before, after, pre, post, self.fr)
         n_before = len(before) if self.fr is None else self.fr
-        inputs: dict[str, Array] = {"x": single(x), "mask": mask[None], "n_before": np.array([n_before])}
+        inputs: dict[str, Array] = {"x": as_batch_of_one(x), "mask": mask[None], "n_before": np.array([n_before])}
         if self.marked:
             marks = np.zeros((1, len(x), 2), np.float32)  # a token that is not emitted has no mark
             if pre is not None:
@@ -157,5 +157,5 @@ class OneNetworkSystem(PaperSystem):
     def _encode(self, before: FloatArray, after: FloatArray) -> Mapping[str, Array]:
         """Returns the encoder's outputs."""
         x = np.concatenate([before, after])
-        inputs = {"x": single(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
+        inputs = {"x": as_batch_of_one(x), "mask": np.ones((1, len(x)), bool), "n_before": np.array([len(before)])}
         return self.graphs.run("encoder", inputs)

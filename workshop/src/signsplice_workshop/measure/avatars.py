@@ -47,8 +47,9 @@ _MIN_SIGNING = 0.99
 
 @dataclass(frozen=True, eq=False)
 class _TouchHeights:
-    """Heights (N,) of the lowest vertex in frames where a hand touches, on the avatar and at the source (there -2 mm at
-    least, ``PRESS_M``); greatest depth in any frame in which the hand signs, at most ``HALF_THICKNESS_M``; m.
+    """In frames where a hand touches: heights (N,) of the hand's lowest vertex on the avatar, and the hand's skin
+    distances (N,) at the source (-2 mm at least, ``PRESS_M``); greatest depth in any frame in which the hand signs, at
+    most ``HALF_THICKNESS_M``; m.
     """
 
     heights: FloatArray
@@ -81,8 +82,8 @@ MEASURES = (
 )
 """Measures of a word on an avatar, for a skin that a hand touches ("body" or "hand"): number of touches, which are
 pairs of hand and frame in contact, with the source nearer than 5 mm; fraction of these whose lowest vertex lies within
-5 mm of the skin, and of its height at the source (a depth there counts as 2 mm at most); median height of the lowest
-vertex, m; greatest depth of a vertex in any frame in which the hand signs, m, up to ``HALF_THICKNESS_M``.
+5 mm of the skin, and of the hand's skin distance at the source (-2 mm at least); median height of the lowest vertex, m;
+greatest depth of a vertex in any frame in which the hand signs, m, up to ``HALF_THICKNESS_M``.
 """
 
 
@@ -135,8 +136,8 @@ def _measure_word(avatar: Avatar, word: Clip) -> Iterator[Row]:
 
 
 def _source_distances(word: Clip) -> dict[str, FloatArray]:
-    """Returns the least skin distances (T, 2) of both hands at the source: from head and trunk, and from the other hand
-    in the first column; infinite beyond the distance of a touch.
+    """Returns the least skin distances (T, 2) of both hands at the source, m, by skin: "body", from head and trunk;
+    "hand", from the other hand, in the first column. Infinite beyond the distance of a touch.
     """
     body = body_capsules(word.skeleton)
     posed, pairs = pose_body(word, body), skin_pairs(body, frozenset(body.keys))
@@ -150,7 +151,7 @@ def _source_distances(word: Clip) -> dict[str, FloatArray]:
     return distances
 
 
-def _lowest_vertex_heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+def _lowest_vertex_heights(clip: Clip, avatar: Avatar, is_signing: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Returns the heights (T, 2) of each hand's lowest vertex above head and trunk, and, in the first column, of the
     left hand's above the right one, m; infinite if far, or if the hand does not sign.
     """
@@ -163,7 +164,7 @@ def _lowest_vertex_heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_])
     surfaces = mesh.samples(body, _POINT_SPACING_M), mesh.samples(hands[1], _POINT_SPACING_M, bare=True)
     rotations, positions = kinematics.forward(clip)
     heights = np.full((2, len(clip), 2), np.inf)
-    for frame in np.flatnonzero(signs.any(axis=1)).tolist():
+    for frame in np.flatnonzero(is_signing.any(axis=1)).tolist():
         turns, offsets = rotations[frame], positions[frame] - np.einsum("jab,jb->ja", rotations[frame], rest)
         vertices = np.zeros_like(mesh.positions)
         for k in range(mesh.joints.shape[1]):
@@ -172,11 +173,11 @@ def _lowest_vertex_heights(clip: Clip, avatar: Avatar, signs: NDArray[np.bool_])
                 np.einsum("vab,vb->va", turns[joints], mesh.positions) + offsets[joints]
             )
         for side in (0, 1):
-            if signs[frame, side]:
+            if is_signing[frame, side]:
                 heights[0, frame, side] = _lowest_height(
                     vertices, hand_vertices[side], surfaces[0], HALF_THICKNESS_M[0]
                 )
-        if signs[frame].all():
+        if is_signing[frame].all():
             heights[1, frame, 0] = _lowest_height(vertices, hand_vertices[0], surfaces[1], HALF_THICKNESS_M[1])
     return heights[0], heights[1]
 
@@ -187,8 +188,8 @@ def _lowest_height(
     surface: tuple[NDArray[np.int64], FloatArray, FloatArray],
     half_thickness: float,
 ) -> float:
-    """Returns the least height of the vertices ``hand_vertices`` above a surface, given by the corners and weights of
-    its points and half its thickness.
+    """Returns the least height, m, of the vertices ``hand_vertices`` above a surface, given by the corners and weights
+    of its points and half its thickness, m; infinite if far.
     """
     corners, weights, _ = surface
     hand = vertices[hand_vertices]

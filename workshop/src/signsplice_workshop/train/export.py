@@ -30,13 +30,13 @@ from signsplice_workshop.train.tasks import Task
 TOLERANCE = 1e-4
 """Largest difference between torch and onnxruntime, relative for numbers above 1."""
 _FREE = torch.export.Dim.DYNAMIC
-TRANSPOSED = ".T"
+TRANSPOSED_SUFFIX = ".T"
 """Suffix of the name of a weight that a graph holds transposed."""
 
 
 def check_bundle_folder(folder: Path) -> None:
-    """Raises ``InputError`` if ``folder`` holds files, but neither bundle.json nor ONNX files, so that nothing else is
-    overwritten, or is a link or a mount point.
+    """Raises ``InputError`` if ``folder`` is a link or a mount point, or holds files but no bundle.json and no ONNX
+    file: such a folder is not overwritten.
     """
     if folder.parent.is_dir():
         check_place(folder)
@@ -140,8 +140,8 @@ def _restore_weight_names(model: Any, module: nn.Module) -> Any:
         transposed = np.ascontiguousarray(weight.numpy().T)
         for entry in unnamed:
             if tuple(entry.dims) == transposed.shape and np.array_equal(numpy_helper.to_array(entry), transposed):
-                new_names[entry.name] = name + TRANSPOSED
-                entry.name = name + TRANSPOSED
+                new_names[entry.name] = name + TRANSPOSED_SUFFIX
+                entry.name = name + TRANSPOSED_SUFFIX
                 unnamed.remove(entry)
                 break
     for node in model.graph.node:
@@ -172,9 +172,10 @@ def compare(name: str, graph: ExportGraph, content: bytes) -> None:
 
 
 def export_product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
-    """Returns ONNX graphs of a task's network by file name, compared with torch on validation data: word.onnx (reads
-    one word) and cut.onnx (chooses the cut of two) of the network that cuts, or bridge.onnx of the one for transitions.
-    Their input ``tokens`` are the features of a word's or a gap's frames.
+    """Returns the ONNX graphs of one of this project's own networks by file name, compared with torch on validation
+    data: word.onnx (reads one word) and cut.onnx (scores every frame of two words for leaving, ``left``, and entering,
+    ``entered``) of the network that cuts, or bridge.onnx of the one for transitions. The input ``tokens`` of word.onnx
+    and bridge.onnx are the features of a word's or a gap's frames.
 
     Raises ``SignspliceError`` if onnxruntime and torch differ.
     """
@@ -190,7 +191,7 @@ def export_product_graphs(task: Task, valid: Dataset) -> dict[str, bytes]:
 
 def _make_cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, ExportGraph]:
     """Returns the graphs of a cutting network, with the first two words of each batch as example and as other
-    inputs.
+    inputs. ``leave`` and ``enter`` are the summaries of the words for leaving and for entering.
     """
     words = [batch.tokens[:, k][batch.mask[:, k]][None] for batch in batches for k in (0, 1)]
     with torch.no_grad():
@@ -210,9 +211,9 @@ def _make_cutting_graphs(network: Cutting, batches: Sequence[Any]) -> dict[str, 
 
 
 FLOAT16 = "float16"
-_LEAST = 1024
+_MIN_HALVED_SIZE = 1024
 """Smaller arrays (biases, the numbers' mean and deviation) keep 32 bits."""
-HALF = "_float16"
+HALF_SUFFIX = "_float16"
 """Suffix of the name of a weight that is stored in 16 bits."""
 
 
@@ -224,11 +225,15 @@ def cast_weights_to_float16(content: bytes) -> bytes:
     casts = []
     for entry in model.graph.initializer:
         weights = numpy_helper.to_array(entry)
-        if weights.dtype != np.float32 or weights.size < _LEAST or np.abs(weights).max() > np.finfo(np.float16).max:
+        if (
+            weights.dtype != np.float32
+            or weights.size < _MIN_HALVED_SIZE
+            or np.abs(weights).max() > np.finfo(np.float16).max
+        ):
             continue
         name = entry.name
-        entry.CopyFrom(numpy_helper.from_array(weights.astype(np.float16), name + HALF))
-        casts.append(helper.make_node("Cast", [name + HALF], [name], to=TensorProto.FLOAT))
+        entry.CopyFrom(numpy_helper.from_array(weights.astype(np.float16), name + HALF_SUFFIX))
+        casts.append(helper.make_node("Cast", [name + HALF_SUFFIX], [name], to=TensorProto.FLOAT))
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
@@ -238,12 +243,12 @@ def cast_weights_to_float16(content: bytes) -> bytes:
 def read_weights(content: bytes) -> dict[str, Array]:
     """Returns a graph's weights by name, those of 16 bits widened to 32."""
     stored = onnx.load_model_from_string(content).graph.initializer
-    weights = ((entry.name.removesuffix(HALF), numpy_helper.to_array(entry)) for entry in stored)
+    weights = ((entry.name.removesuffix(HALF_SUFFIX), numpy_helper.to_array(entry)) for entry in stored)
     return {name: array.astype(np.float32) if array.dtype == np.float16 else array for name, array in weights}
 
 
 def halve_bundle(source: Path, folder: Path, facts: Mapping[str, Any] | None = None) -> tuple[int, int]:
-    """Writes a bundle with 16-bit weights into another folder; returns the graphs' bytes before and after.
+    """Writes a bundle with 16-bit weights into another folder; returns the graphs' total sizes before and after, bytes.
 
     bundle.json has ``precision`` and, in ``halved``, the sha256 of the source bundle with ``facts``. Raises
     ``InputError`` if the source is no bundle, has other than 32-bit weights, or is the folder to write, and as

@@ -21,7 +21,7 @@ from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import format_errors
 from signsplice.splicing.bundle import BUNDLE_FILE, read_config, read_file
 from signsplice_workshop.train import checkpoint, records
-from signsplice_workshop.train.export import TRANSPOSED, read_weights
+from signsplice_workshop.train.export import TRANSPOSED_SUFFIX, read_weights
 from signsplice_workshop.train.tasks import Task
 
 PROVENANCE_FILE = "recipe.json"
@@ -102,7 +102,9 @@ def load_graphs(network: nn.Module, graphs: Iterable[bytes], path: Path) -> None
         for name, values in read_weights(content).items():
             tensor = torch.from_numpy(np.array(values))
             weight_name = name.removeprefix(_PREFIX)
-            stored[weight_name.removesuffix(TRANSPOSED)] = tensor.T if weight_name.endswith(TRANSPOSED) else tensor
+            stored[weight_name.removesuffix(TRANSPOSED_SUFFIX)] = (
+                tensor.T if weight_name.endswith(TRANSPOSED_SUFFIX) else tensor
+            )
     expected = network.state_dict()
     missing = [name for name in expected if name not in stored or stored[name].shape != expected[name].shape]
     if missing:
