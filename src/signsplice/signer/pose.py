@@ -128,16 +128,16 @@ def _hand_quats_at_swivels(arm: Arm, rotvecs: FloatArray, swivels: FloatArray) -
     """Rotations (..., S, 4) from forearm to hand with elbows at ``swivels`` (S,)."""
     axis = rotation.rotate(rotation.inverse(arm.fore), arm.direction)
     half = -0.5 * swivels[:, None]
-    turns = np.empty((*axis.shape[:-1], len(swivels), 4))
-    turns[..., :3], turns[..., 3] = np.sin(half) * axis[..., None, :], np.cos(half[:, 0])
-    return rotation.multiply(turns, rotation.exp(rotvecs)[..., None, :])
+    swivel_quats = np.empty((*axis.shape[:-1], len(swivels), 4))
+    swivel_quats[..., :3], swivel_quats[..., 3] = np.sin(half) * axis[..., None, :], np.cos(half[:, 0])
+    return rotation.multiply(swivel_quats, rotation.exp(rotvecs)[..., None, :])
 
 
 def _costs(arm: Arm, angles: tuple[FloatArray, ...], signer: Signer, swivels: FloatArray) -> FloatArray:
     """Costs (..., S) of elbows at ``swivels`` (S,) with twist, deviation and flexion ``angles``, each (..., S)."""
     usual = -np.deg2rad(signer.elbow_deg)
-    turns = (*angles, swivels - usual)
-    cost = sum(np.square(angle / unit) for angle, unit in zip(turns, _COSTS.unit_angles, strict=True))
+    offsets = (*angles, swivels - usual)
+    cost = sum(np.square(offset / unit) for offset, unit in zip(offsets, _COSTS.unit_angles, strict=True))
     if signer.manner.low_elbows:
         cost = cost + signer.manner.low_elbows * _low_elbow_cost(arm, np.stack(angles, axis=-1), signer, swivels)
     return np.asarray(cost)
@@ -336,8 +336,8 @@ def nearest_turn(rotvec: FloatArray, near: FloatArray) -> FloatArray:
     its rotation passes half a turn.
     """
     angle = float(np.linalg.norm(rotvec))
-    turns = np.round((float(near @ rotvec) / angle - angle) / (2.0 * np.pi)) if angle > 1e-6 else 0.0
-    return np.asarray(rotvec * (1.0 + 2.0 * np.pi * turns / angle)) if turns else rotvec
+    n_turns = np.round((float(near @ rotvec) / angle - angle) / (2.0 * np.pi)) if angle > 1e-6 else 0.0
+    return np.asarray(rotvec * (1.0 + 2.0 * np.pi * n_turns / angle)) if n_turns else rotvec
 
 
 def hand_rotations(states: FloatArray, signer: Signer) -> FloatArray:
@@ -401,11 +401,11 @@ def _easy_swivels(arm: Arm, data: bytes, shape: tuple[int, ...], signer: Signer)
     return np.asarray((weight @ swivels) / weight.sum(axis=-1))
 
 
-def arm_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, turns: FloatArray | float = 0.0) -> ArmAngles:
-    """The angles of arms whose hands have rotation vectors ``rotvecs`` (..., 3), with elbows turned by ``turns`` (...),
-    radians, from their easy places.
+def arm_angles(arm: Arm, rotvecs: FloatArray, signer: Signer, offsets: FloatArray | float = 0.0) -> ArmAngles:
+    """The angles of arms whose hands have rotation vectors ``rotvecs`` (..., 3), with the swivels of elbows ``offsets``
+    (...), radians, from their easy places.
     """
-    return arm_angles_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + turns)
+    return arm_angles_at(arm, rotation.exp(rotvecs), easy_swivels(arm, rotvecs, signer) + offsets)
 
 
 def arm_angles_at(arm: Arm, quats: FloatArray, swivels: FloatArray) -> ArmAngles:

@@ -367,7 +367,7 @@ class _Compiler:
             self.weak = self.weak.at(replace(where, part=weak_part), one_handed=False)
         weak = self.weak.current_posture
         if pair.weak is None and pair.strong is None:
-            self.strong = self._beside_weak_hand(weak, gap)
+            self.strong = self._place_next_to_weak_hand(weak, gap)
         else:
             where = Spot(arm_location or f"base-{weak_part}", gap, part=strong_part)
             self.strong = self.strong.at(where, one_handed=False, touch=gap < 1.0)
@@ -395,8 +395,8 @@ class _Compiler:
             return spot(self.strong.place, own_side=False)
         return Spot(_PAIR_SPACE)
 
-    def _beside_weak_hand(self, weak: Posture, gap: float) -> WrittenHand:
-        """Returns the strong hand beside the weak hand, at its height, with ``gap`` between their skins."""
+    def _place_next_to_weak_hand(self, weak: Posture, gap: float) -> WrittenHand:
+        """Returns the strong hand next to the weak hand, at its height, with ``gap`` between their skins."""
         weak_palm = palm_point(weak, None)
         arm = weak_arm(weak)
         outward = -weak_palm[0] + 9.0 + gap
