@@ -23,7 +23,8 @@ def main(folder: Path) -> None:
     # A dictionary clip begins and ends at rest. One after another the arms drop between the words; spliced they do not.
     print(f"one after another {ss.concatenate(words).seconds:.2f} s, spliced {result.clip.seconds:.2f} s")
 
-    # Every frame of the output comes from a word, bit for bit, or is new. Ranges of frames are half-open.
+    # Frames of a sign come from its word, bit for bit, except the joints that it does not move (``span.remade``): those
+    # are new, as transitions are, so that a person moves between the signs. Ranges of frames are half-open.
     for span in result.spans:
         print(f"{span.kind:10} {span.name or '':6} frames {span.output[0]:3d} to {span.output[1]:3d}")
     for seam in result.seams:

@@ -21,8 +21,8 @@ def main(folder: Path) -> None:
         # is spelled letter by letter, with a warning; nothing is replaced by a word that merely looks like it.
         tokens = ss.parse(LINE, lexicon)
         # A word is a clip with what the line says of it: where another spelled word begins, so that IS and ANNA are not
-        # spelled as one, and at which words the sentence breathes.
-        words = ss.words_of(tokens, lexicon.clip)
+        # spelled as one, and at which words the sentence breathes. The lexicon says which arms are the word's own.
+        words = ss.words_of(tokens, lexicon.clip, owns_of=lexicon.owns)
     for token in tokens:
         print(f"{token.token:8} {' '.join(token.glosses)}")
     for line in filter(None, (token.warning for token in tokens)):

@@ -77,17 +77,22 @@ def test_splice_writes_a_clip_and_a_report_that_rebuilds_it(folder: Path) -> Non
     out = load(folder / "out.bvh")
     assert report["frames"] == len(out)
     sources = [load(folder / f"{gloss}.bvh") for gloss in ("HELLO", "SIGN", "I")]
+    copied: list[list[bool]] = []
     for span in report["spans"]:
-        if span["kind"] == "sign":
+        if span["clip"] is not None:
+            copied.append([name not in span["remade"]["joints"] for name in out.skeleton.names])
             part = out.local_rotations[slice(*span["output"])]
             source = sources[span["clip"]].local_rotations[slice(*span["source"])]
-            same = np.abs(np.sum(part * source, axis=-1))
+            same = np.abs(np.sum(part * source, axis=-1))[:, copied[-1]]
             assert np.allclose(same[:, 1:], 1.0, atol=1e-12)
             assert np.allclose(same[:, 0], 1.0, atol=3e-4), "words are turned to face alike, by less than 3 degrees"
+    named = dict(zip(out.skeleton.names, np.all(copied, axis=0), strict=True))
+    assert all(named[f"mixamorig:{joint}"] for joint in ("Hips", "RightArm", "RightHand", "RightHandIndex1"))
     first = report["spans"][0]["output"]
     assert out.channels is not None
     assert sources[0].channels is not None
-    assert np.array_equal(out.channels.values[: first[1]], sources[0].channels.values[: first[1]])
+    columns = np.repeat(copied[0], [len(names) for names in out.channels.names])
+    assert np.array_equal(out.channels.values[: first[1], columns], sources[0].channels.values[: first[1], columns])
 
 
 def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> None:
@@ -100,6 +105,7 @@ def test_splicing_options_change_the_result(folder: Path, signsplice: Call) -> N
         (("--sign-speed", "2", "--cutter", "ends"), lambda r: r["frames"] < 100),
         (("--tempo", "natural"), lambda r: r["tempo"]["mode"] == "natural" and r["spans"][0]["warp"]),
         (("--tempo", "0.9"), lambda r: r["tempo"]["asked_seconds"] == 0.9),
+        (("--person", "0.5", "--seed", "3"), lambda r: (r["person"]["amount"], r["person"]["seed"]) == (0.5, 3)),
     ):
         run = signsplice(*common, *extra)
         assert run.returncode == 0, run.stderr
@@ -517,6 +523,43 @@ def test_frames_that_do_not_belong_are_named_by_every_command_that_reads_words(
     assert (entry["frames"], entry["rest_before"], entry["rest_after"]) == (len(clip) + 4, start + 4, len(clip) - stop)
 
 
+def test_a_seed_repeats_the_movements_between_the_signs_and_another_changes_them(
+    folder: Path, signsplice: Call
+) -> None:
+    for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", f"{name}.bvh", "--cutter", "ends", "--seed", seed)
+        assert run.returncode == 0, run.stderr
+    a, b, c = ((folder / f"{name}.bvh").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--person", "1.5"), "person 1.5, expected 0 to 1"),
+        (("--person", "nan"), "person nan, expected 0 to 1"),
+        (("--seed", "-1"), "'--seed': -1 is not in the range"),
+        (("--free-hand", "slow"), "free hand 'slow', expected one of transition, natural"),
+        (("--system", "lpt-plus", "--person", "0.5"), "leave out --person"),
+        (("--system", "lpt-plus", "--free-hand", "transition"), "leave out --free-hand"),
+    ],
+)
+def test_movements_between_the_signs_that_cannot_be_are_refused(
+    options: tuple[str, ...], message: str, folder: Path, signsplice: Call
+) -> None:
+    run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", *options)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert not (folder / "out.bvh").exists()
+
+
+def test_a_seed_changes_nothing_in_a_systems_sentence(folder: Path, signsplice: Call) -> None:
+    for seed in ("1", "2"):
+        call = ("splice", "HELLO.bvh", "SIGN.bvh", "-o", f"{seed}.bvh", "--system", "lpt-plus", "--seed", seed)
+        assert signsplice(*call).returncode == 0
+    assert (folder / "1.bvh").read_bytes() == (folder / "2.bvh").read_bytes()
+
+
 def test_an_option_is_named_as_the_command_line_has_it(signsplice: Call) -> None:
     """The library names the field of ``SpliceOptions``."""
     run = signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--system", "lpt-plus", "--cutter", "ends")
@@ -619,10 +662,10 @@ def test_a_face_that_cannot_be_had_is_one_line(
 def test_a_sentence_has_a_face_by_rule_where_its_file_has_a_place_for_one(folder: Path, signsplice: Call) -> None:
     line = ("sentence", "YOU DEAF?", "--cutter", "ends", "--report", "r.json", "-o")
     for extra, rules in (
-        (("out.npz",), ["blinks", "brows"]),
+        (("out.npz",), ["blinks", "brows", "gaze"]),
         (("out.bvh",), None),
         (("out.npz", "--no-face-rules"), None),
-        (("out.bvh", "--face-rules"), ["blinks", "brows"]),
+        (("out.bvh", "--face-rules"), ["blinks", "brows", "gaze"]),
     ):
         run = signsplice(*line, *extra)
         assert (run.returncode, run.stderr) == (0, "")
@@ -632,3 +675,20 @@ def test_a_sentence_has_a_face_by_rule_where_its_file_has_a_place_for_one(folder
         assert (clip.face is None) == (rules is None)
     run = signsplice(*line, "out.bvh")
     assert "out.csv: beside out.bvh, which was written without a face, is another clip's; remove it" in run.stderr
+
+
+def test_a_sentence_is_mouthed_from_a_dictionary_where_its_file_has_a_face(folder: Path, signsplice: Call) -> None:
+    (folder / "words.dict").write_text("DEAF  D EH1 F\n")
+    line = ("sentence", "YOU DEAF", "--cutter", "ends", "--mouthing", "words.dict", "-o")
+    run = signsplice(*line, "out.npz")
+    assert (run.returncode, run.stderr) == (0, "")
+    face = load(folder / "out.npz").face
+    assert face is not None
+    assert face.of(["jawOpen"]).max() > 0.3
+    run = signsplice(*line, "out.bvh")
+    assert run.returncode == 2
+    assert run.stderr == "error: --mouthing moves faces by rule, expected --face-rules too\n"
+    run = signsplice(*line, "words.dict")
+    assert run.returncode == 2
+    assert len(run.stderr.splitlines()) == 1
+    assert (folder / "words.dict").read_text() == "DEAF  D EH1 F\n"

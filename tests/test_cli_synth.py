@@ -50,7 +50,7 @@ def test_a_lexicon_of_words_of_a_file(folder: Path) -> None:
         *("KNOCK.bvh", "PSEUDO-0.bvh", "WAVE.bvh", "glosses.csv")
     ]
     table = (folder / "words" / "glosses.csv").read_text(encoding="utf-8").splitlines()
-    assert table[1] == "WAVE.bvh,WAVE,HI;HEY,standard,a wave (invented),no,sign"
+    assert table[1] == "WAVE.bvh,WAVE,HI;HEY,standard,a wave (invented),no,sign,right arm"
     assert len(load(folder / "words" / "KNOCK.bvh")) > 40
 
 

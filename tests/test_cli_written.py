@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 import signsplice as ss
 from signsplice import lexicon
 from signsplice.cli.commands import app
+from signsplice.lexicon.lexicon import WrittenWords
 from signsplice.signer import notation
 from signsplice.written import files
 from signsplice.written.compiler import compile_sign
@@ -57,6 +58,18 @@ def test_a_lexicon_holds_clips_and_written_signs_and_drops_no_gloss(folder: Path
         assert words.clip("RED").face is not None
         assert words.entry("RED").source == "ten.sigml"
         assert not words.entry("RED").checked
+
+
+def test_a_written_sign_owns_its_arms_and_what_its_tiers_move(folder: Path) -> None:
+    tiers = '<head_tier><head_movement movement="NO"/></head_tier><shoulder_tier><shoulder_movement movement="UL"/>'
+    text = TEN.read_text(encoding="utf-8").replace("</sign_nonmanual>", f"{tiers}</shoulder_tier></sign_nonmanual>", 1)
+    Path("ten.sigml").write_text(text, encoding="utf-8")
+    one, both = frozenset({"right arm"}), frozenset({"left arm", "right arm"})
+    owned = {"RED": both | {"head"}, "FATHER": one, "KING": both}
+    lexicon.build("ten.sigml", "lex")
+    for words in (ss.open_lexicon("lex"), ss.Lexicon(WrittenWords("ten.sigml"))):
+        with words:
+            assert {gloss: words.owns(gloss) for gloss in owned} == owned
 
 
 @pytest.mark.parametrize(("flags", "status"), [((), 0), (("--strict",), 1)])

@@ -46,8 +46,8 @@ FLOORS = {
 
 SPLICING = (
     "contracts", "durations", "runtime", "bundle", "features", "cutters", "curves", "learned", "word",
-    "seam", "collisions", "passes", "tempo", "letters", "idle_hands", "pauses", "result", "faces", "systems",
-    "from_positions", "lptransformer", "options", "stages", "sentence", "engine", "bulk_splice", "report",
+    "seam", "collisions", "person", "carriage", "passes", "tempo", "letters", "pauses", "result", "faces", "mouthing",
+    "systems", "from_positions", "lptransformer", "options", "stages", "sentence", "engine", "bulk_splice", "report",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 

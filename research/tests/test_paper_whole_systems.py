@@ -153,7 +153,7 @@ def test_misses_are_filled_by_the_defaults_and_reported() -> None:
             {"transition_time": 0.3, "avoid_collisions": False},
             "leave out SpliceOptions.transition_time, SpliceOptions.avoid_collisions",
         ),
-        ({"free_hand": "natural", "bundle": "x"}, "leave out SpliceOptions.bundle, SpliceOptions.free_hand"),
+        ({"free_hand": "transition", "bundle": "x"}, "leave out SpliceOptions.bundle, SpliceOptions.free_hand"),
         ({"fps": 60.0}, "SpliceOptions.fps 60, but lpt-plus knows only 30; leave out SpliceOptions.fps"),
     ],
 )

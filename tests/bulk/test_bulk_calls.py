@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,8 +80,19 @@ def test_words_may_come_from_several_lexicons_and_stay_those_of_the_first(tmp_pa
     assert "was begun with lexicon_sha256" in message(call(*run))
     assert call("make", out, 0, "-o", tmp_path / "row.bvh").exit_code == 0
     with open_shipped_lexicon() as words:
-        alone = splice([words.clip("BOOK"), words.clip("DEAF")]).clip
+        alone = splice([replace(words.clip("BOOK"), name="HELLO"), words.clip("DEAF")]).clip
     np.testing.assert_allclose(load(tmp_path / "row.bvh").local_rotations[:20], alone.local_rotations[:20], atol=1e-4)
+
+
+def test_the_person_and_the_seed_of_recipes_are_those_of_the_call(tmp_path: Path) -> None:
+    (tmp_path / "lines.txt").write_text("HELLO DEAF\n")
+    out, dials = tmp_path / "recipes.csv", ("-o", tmp_path / "recipes.csv", "--person", "0.5", "--seed", 3)
+    for lines in ((tmp_path / "lines.txt",), ()):
+        assert call("recipes", *lines, *dials).exit_code == 0
+        assert {(row.person, row.seed, row.free_hand) for row in rows(out)} == {(0.5, 3, "natural")}
+    assert call("recipes", "-o", out, "--person", "0.2:0.8", "--count", 50).exit_code == 0
+    drawn = [row.person for row in rows(out)]
+    assert 0.2 <= min(drawn) < max(drawn) <= 0.8
 
 
 def rows(path: Path) -> list[recipes.SentenceRecipe]:
@@ -91,6 +103,8 @@ def rows(path: Path) -> list[recipes.SentenceRecipe]:
     ("arguments", "said"),
     [
         (["--seed", "-1"], "--seed"),
+        (["--person", "much"], "--person 'much', expected a number"),
+        (["--person", "0.5:2"], "person 2, expected 0 to 1"),
         (["--signer", "nobody"], "--signer 'nobody', expected one of the lexicon's: "),
     ],
 )

@@ -248,16 +248,40 @@ def test_lines_are_read_as_sentence_reads_them(tmp_path: Path) -> None:
 def test_every_field_decides_the_hash() -> None:
     one = SentenceRecipe(("YES",))
     other: dict[str, Any] = {"glosses": ("NO",), "signer": "a", "seed": 1, "transition_time": "0.2", "sign_speed": 1.1}
-    other |= {"tempo": "0.8", "fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "natural"}
-    other |= {"avoid_collisions": True, "spell": False, "pauses": False, "face_rules": True}
+    other |= {"tempo": "0.8", "fps": 25.0, "cutter": "ends", "transition": "linear", "free_hand": "transition"}
+    other |= {"avoid_collisions": True, "spell": False, "pauses": False, "face_rules": True, "person": 0.5}
     changed = [replace(one, **{name: value}) for name, value in other.items()]
-    assert len({row.sha256 for row in (one, *changed)}) == 15
+    assert len({row.sha256 for row in (one, *changed)}) == 16
     assert replace(one).sha256 == one.sha256
 
 
-def test_recipes_from_before_a_field_came_are_the_same(tmp_path: Path) -> None:
+def test_a_recipe_has_the_hash_that_it_had_before_a_field_came() -> None:
+    recipe = SentenceRecipe(("YES", "NO"), free_hand="transition")
+    assert recipe.sha256 == "056aab296a7880692708214cb3755fda35b3e27665341643fc9947e66168b55a"
+
+
+def test_the_seed_of_a_recipe_is_that_of_its_sentence() -> None:
+    options = SentenceRecipe(("YES", "NO"), seed=7, person=0.5).options(None)
+    assert (options.seed, options.person, options.free_hand) == (7, 0.5, "natural")
+
+
+def test_a_table_without_the_new_columns_has_their_defaults_and_keeps_its_free_hand(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("glosses,seed,free_hand\nYES NO,3,transition\nNO,,\n")
+    expected = [SentenceRecipe(("YES", "NO"), seed=3, free_hand="transition"), SentenceRecipe(("NO",))]
+    assert rows_of(tmp_path / "r.csv") == expected
+    assert [(row.free_hand, row.person) for row in expected] == [("transition", 1.0), ("natural", 1.0)]
+
+
+@pytest.mark.parametrize("count", [None, 6, 4])
+def test_every_pair_has_the_seed(count: int | None) -> None:
+    pairs = [row for batch in drawing.pairs("ABC", count, 3) for row in recipes.recipes_of(batch)]
+    assert {row.seed for row in pairs} == {3}
+
+
+@pytest.mark.parametrize("missing", ["face_rules", "person"])
+def test_recipes_from_before_a_field_came_are_the_same(missing: str, tmp_path: Path) -> None:
     batch = recipes.batch_of([SentenceRecipe(("YES", "NO"))])
-    older = batch.select([name for name in batch.schema.names if name != "face_rules"])
+    older = batch.select([name for name in batch.schema.names if name != missing])
     with pq.ParquetWriter(tmp_path / "r.parquet", older.schema) as file:
         file.write_batch(older)
     assert recipes.is_same(tmp_path / "r.parquet", [batch])

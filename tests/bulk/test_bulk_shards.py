@@ -91,7 +91,7 @@ def test_a_row_of_the_index_says_what_became_of_each_recipe(made: tuple[Path, Bu
 def test_a_sample_holds_the_clip_its_report_poses_and_annotations(made: tuple[Path, BulkJob]) -> None:
     out, _ = made
     with lexicon.open_shipped_lexicon() as words, tarfile.open(out / "shard-000000.tar") as tar:
-        alone = ss.splice([words.clip(gloss) for gloss in ROWS[0].glosses])
+        alone = ss.splice([ss.Word(words.clip(gloss), owns=words.owns(gloss)) for gloss in ROWS[0].glosses])
         files = {name: tar.extractfile(name).read() for name in tar.getnames()}  # type: ignore[union-attr]
         assert {(m.mtime, m.uid, m.gid, m.uname, m.mode) for m in tar.getmembers()} == {(0, 0, 0, "", 0o644)}
     row = index(out)[0]
@@ -207,19 +207,20 @@ def test_another_lexicon_is_refused_by_the_call_and_by_workers(words: dict[str, 
     lex, out = tmp_path / "lex", tmp_path / "out"
     batch = recipes.batch_of([SentenceRecipe(("I", "DEAF"), **QUICK)])  # type: ignore[arg-type]
 
-    def build(second: Clip) -> None:
+    def build(second: Clip, owns: bytes = b"head") -> None:
         with lexicon.building(lex) as builder:
             builder.add(words["I"], "I")
-            builder.add(second, "DEAF")
+            builder.add(second, "DEAF", extensions={"owns": owns})
 
     build(words["DEAF"])
     prepare(out, BulkOptions(str(lex)), lambda: [batch])
-    build(words["SIGN"])
     (out / "index").mkdir()
-    with pytest.raises(InputError, match=r"its lexicon, .*, is another"):
-        make_shard(str(out), 0, 8)
-    with pytest.raises(InputError, match="was begun with lexicon_sha256"):
-        prepare(out, BulkOptions(str(lex)), lambda: [batch])
+    for second, owns in ((words["SIGN"], b"head"), (words["DEAF"], b"trunk")):
+        build(second, owns)
+        with pytest.raises(InputError, match=r"its lexicon, .*, is another"):
+            make_shard(str(out), 0, 8)
+        with pytest.raises(InputError, match="was begun with lexicon_sha256"):
+            prepare(out, BulkOptions(str(lex)), lambda: [batch])
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
@@ -348,17 +349,22 @@ def test_what_is_beside_a_sentence_does_not_change_it() -> None:
                 assert alone.reason == one.reason
 
 
+def owning(words: list[ss.Word], owns: list[frozenset[str] | None]) -> list[ss.Word]:
+    return [replace(word, owns=channels) for word, channels in zip(words, owns, strict=True)]
+
+
 def test_recipes_pause_and_have_forms_as_sentence_has(words: dict[str, Clip]) -> None:
     rows = [SentenceRecipe(("hello,", "DEAF", "2-GIVE-1."), pauses=pauses) for pauses in (True, False)]
     with ss.open_lexicon() as lex:
         held, plain = SentenceMaker(lex).make(rows)
         some = [words["HELLO"], words["DEAF"], lex.clip("2-GIVE-1")]
+        owns = [lex.owns(gloss) for gloss in ("HELLO", "DEAF", "2-GIVE-1")]
     assert isinstance(held, MadeSentence)
     assert isinstance(plain, MadeSentence)
-    wanted = ss.splice(marked(some, pauses={0: ",", 2: "."}))
+    wanted = ss.splice(owning(marked(some, pauses={0: ",", 2: "."}), owns))
     assert np.array_equal(held.result.clip.local_rotations, wanted.clip.local_rotations)
     assert held.result.spans == wanted.spans
-    assert plain.result.spans == ss.splice(some).spans
+    assert plain.result.spans == ss.splice(owning(marked(some), owns)).spans
 
 
 def test_recipes_have_faces_by_rule_as_sentence_has() -> None:
@@ -366,10 +372,11 @@ def test_recipes_have_faces_by_rule_as_sentence_has() -> None:
     with ss.open_lexicon() as lex:
         ruled, plain = SentenceMaker(lex).make(rows)
         some = [lex.clip(gloss) for gloss in ("YOU", "WHERE", "BOOK")]
+        owns = [lex.owns(gloss) for gloss in ("YOU", "WHERE", "BOOK")]
     assert isinstance(ruled, MadeSentence)
     assert isinstance(plain, MadeSentence)
     wanted = splice(
-        marked(some, starts=(), pauses={2: "?"}, brows=dict.fromkeys(range(3), "furrowed")),
+        owning(marked(some, starts=(), pauses={2: "?"}, brows=dict.fromkeys(range(3), "furrowed")), owns),
         ss.SpliceOptions(face_rules=RULES),
     ).clip
     assert ruled.motion_sha256 == motion_sha256(wanted)

@@ -14,7 +14,8 @@ from signsplice import lexicon
 from signsplice.errors import UnknownGlossError
 from signsplice.lexicon.lexicon import SHIPPED, FormsOfSigns, Lexicon, open_lexicon
 from signsplice.lexicon.sentence import parse
-from signsplice.signer import inflection, planner
+from signsplice.signer import inflection, phonology, planner
+from signsplice.splicing.word import words_of
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,15 @@ def test_a_form_moves_as_the_signer_makes_it(words: Lexicon) -> None:
     assert not entry.checked
     assert entry.sha256 != given.sha256
     assert words.clip("2-give-1") is words.clip("YOU-GIVE-ME"), "it is kept"
+
+
+def test_words_and_forms_own_the_arms_that_sign_them(words: Lexicon) -> None:
+    one, both = frozenset({"right arm"}), frozenset({"left arm", "right arm"})
+    owned = {"I": one, "2-GIVE-1": one, "BOOK": both, "BOOK-PLURAL": both, "YES": one | {"head"}}
+    assert {gloss: words.owns(gloss) for gloss in owned} == owned
+    line = words_of(parse("I BOOK 2-GIVE-1", words), words.clip, owns_of=words.owns)
+    assert [word.owns for word in line] == [one, both, one]
+    assert words.owns("2-GIVE-1") == phonology.owned_channels(inflection.form(SIGNS, "2-GIVE-1"))
 
 
 def test_forms_are_in_no_list(words: Lexicon) -> None:

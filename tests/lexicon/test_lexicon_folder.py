@@ -80,6 +80,15 @@ def test_the_table_overrides_file_names(clips: Path, tmp_path: Path) -> None:
         assert not lex.entry("SIGN").checked
 
 
+def test_the_table_says_which_channels_are_a_words_own(clips: Path, tmp_path: Path) -> None:
+    table(clips, "file,owns", "hello.bvh,Right Arm; head;", "more/Sign.npz,None", "fs-a.bvh,")
+    lexicon.build(clips, tmp_path / "lex")
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert [lex.owns(gloss) for gloss in ("hello", "SIGN")] == [{"right arm", "head"}, frozenset()]
+        assert lex.extensions("HELLO") == {"owns": b"right arm;head"}
+        assert lex.owns("fs-A") is lex.owns("你好") is None, "a rule decides"
+
+
 TABLES = {
     "no file column": (["gloss"], ":1: no column 'file', expected file, gloss"),
     "semicolons": (["file;gloss", "hello.bvh;A"], ":1: column 'file;gloss'"),
@@ -91,6 +100,8 @@ TABLES = {
     "file twice": (["file,gloss", "hello.bvh,A", "hello.bvh,B"], ":3: hello.bvh stands in line 2 too"),
     "no file": (["file,gloss", ",A"], ":2: no file named"),
     "checked by whom": (["file,checked", "hello.bvh,maybe"], ":2: checked 'maybe', expected yes, no or nothing"),
+    "channel": (["file,owns", "hello.bvh,left arm;leg"], ":2: owns 'left arm;leg', expected none or some of left arm"),
+    "none and more": (["file,owns", "hello.bvh,none;head"], ":2: owns 'none;head', expected none or some of"),
     "kind": (["file,kind", "hello.bvh,word"], ":2: kind 'word', expected sign or letter"),
     "letter": (["file,kind", "hello.bvh,letter"], ":2: letter 'HELLO', expected a gloss of fs-"),
     "gloss of nothing": (["file,gloss", "hello.bvh,a\x07b"], ":2: gloss 'a\\x07b', expected printable"),

@@ -71,6 +71,20 @@ def test_what_is_added_to_a_word_is_kept_by_name(path: Path) -> None:
         assert copy.extensions("TREE") == CARD
 
 
+def test_channels_of_a_newer_version_are_ignored_and_damaged_ones_are_an_error(tmp_path: Path) -> None:
+    with lexicon.building(tmp_path / "lex") as builder:
+        builder.add(random_clip(0), "TREE", extensions={"owns": b"head;left leg"})
+        builder.add(random_clip(1), "HOUSE", extensions={"owns": b"he\xe4d"})
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.owns("TREE") == frozenset({"head"})
+        with pytest.raises(InputError, match="lex: the channels of the word 'HOUSE' are damaged; build"):
+            lex.owns("HOUSE")
+        with pytest.raises(UnknownGlossError):
+            lex.owns("NOTHING")
+    with lexicon.open(VERSION_1) as old:
+        assert old.owns("I") is None
+
+
 @pytest.mark.parametrize(
     "line",
     [

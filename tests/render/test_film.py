@@ -66,12 +66,13 @@ def test_a_gif_keeps_the_tint_of_fingertips(words: dict[str, Clip], tmp_path: Pa
 def test_the_timeline_is_visible_in_signs_and_transitions(words: dict[str, Clip]) -> None:
     """Spans are drawn at the bottom in order, and the playhead at the frame shown."""
     clip, size = words["I"][:20], (320, 240)
-    marks = [Mark("sign", "I", 0, 10), Mark("transition", "", 10, 14), Mark("sign", "I", 14, 20)]
+    marks = [Mark("sign", "I", 0, 10), Mark("transition", "", 10, 14), Mark("sign", "I", 14, 18)]
+    marks.append(Mark("retraction", "I", 18, 20))
     for frame, picture in zip((2, 12), film._pictures(clip, make_scene(clip), size, (2, 12), marks), strict=True):
         pixels = np.asarray(picture)
         row = pixels[size[1] - 2]
-        spans = [tuple(row[x]) for x in (150, 170, 215, 235)]
-        assert spans == [sheet.SIGN, sheet.TRANSITION, sheet.TRANSITION, sheet.SIGN]
+        spans = [tuple(row[x]) for x in (150, 170, 215, 235, 300)]
+        assert spans == [sheet.SIGN, sheet.TRANSITION, sheet.TRANSITION, sheet.SIGN, sheet.RETRACTION]
         assert tuple(row[16 * frame + 8]) == sheet.INK
         assert (tuple(pixels[0, 100]) == sheet.TRANSITION) == (frame == 12)
 
@@ -153,12 +154,14 @@ def test_invalid_sizes_and_qualities_are_refused(words: dict[str, Clip], tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_caption_of_a_transition_names_both_words() -> None:
+def test_the_caption_of_a_transition_names_both_words_and_that_of_a_retraction_its_sign() -> None:
     marks = [Mark("sign", "I", 0, 20), Mark("transition", "", 20, 28), Mark("sign", "DEAF", 28, 51)]
-    assert caption(marks, 3) == ("I", False)
-    assert caption(marks, 20) == ("I > DEAF", True)
-    assert caption(marks[1:], 20) == ("transition", True)
-    assert caption(marks, 99) == ("", False)
+    marks.append(Mark("retraction", "DEAF", 51, 60))
+    assert caption(marks, 3) == ("I", sheet.INK)
+    assert caption(marks, 20) == ("I > DEAF", sheet.TRANSITION)
+    assert caption(marks[1:], 20) == ("transition", sheet.TRANSITION)
+    assert caption(marks, 55) == ("DEAF", sheet.SIGN)
+    assert caption(marks, 99) == ("", sheet.INK)
 
 
 def test_letters_without_a_font_lose_their_accents(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -128,7 +128,7 @@ def test_on_another_body_a_heap_at_zero_signs_as_it_does_with_usual_axes(words: 
 def test_a_first_clip_of_any_axes_keeps_its_numbers(first: str, words: dict[str, Clip]) -> None:
     turned = with_random_axes(words["HELLO"])
     clips = [turned, words["SIGN"]] if first == "turned" else [words["SIGN"], turned]
-    result = ss.splice(clips)
+    result = ss.splice(clips, ss.SpliceOptions(person=0.0, free_hand="transition"))
     begin = result.spans[0]
     assert np.array_equal(result.clip.local_rotations[: begin.output[1]], clips[0].local_rotations[: begin.output[1]])
     assert max(seam.seconds for seam in result.seams) < 0.8, "both are taken for one person"
@@ -137,7 +137,7 @@ def test_a_first_clip_of_any_axes_keeps_its_numbers(first: str, words: dict[str,
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 0.02, 0.39, 3.0, 7.0, 1e3])
 def test_units_without_a_name_change_nothing(factor: float, words: dict[str, Clip]) -> None:
     clip = words["DEAF"]
-    other = on_other_rig(clip, np.asarray(rotation.IDENTITY), factor)
+    other = replace(on_other_rig(clip, np.asarray(rotation.IDENTITY), factor), name=clip.name)
     result, usual = (ss.splice([words["HELLO"], second]) for second in (other, clip))
     assert len(result.clip) == len(usual.clip)
     assert np.abs(positions(result.clip) - positions(usual.clip)).max() < 1e-3, "cm"

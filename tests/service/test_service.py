@@ -8,6 +8,7 @@ import json
 import struct
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ from signsplice.service.wire import json_type
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
 from signsplice.splicing.seam import Number
+from signsplice.splicing.word import Word
 from signsplice_workshop.measure.faces import add_random_face
 
 GLOSSES = ["HELLO", "DEAF", "FRIEND"]
@@ -79,6 +81,13 @@ def clips(glosses: list[str]) -> list[Clip]:
         return [lexicon.clip(gloss) for gloss in glosses]
 
 
+def owners(glosses: list[str], **marks: Mapping[int, str]) -> list[Word]:
+    """Words with the channels that their lexicon says they own, and with marks as of ``marked``."""
+    with open_shipped_lexicon() as lexicon:
+        words = zip(marked(clips(glosses), **marks), glosses, strict=True)
+        return [replace(word, owns=lexicon.owns(gloss)) for word, gloss in words]
+
+
 def without_timing(report: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in report.items() if key != "timing_ms"}
 
@@ -88,7 +97,7 @@ def without_timing(report: dict[str, Any]) -> dict[str, Any]:
 
 def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
     answer = service.post("/v1/sentence", json={"glosses": GLOSSES, "formats": list(wire.FORMAT_NAMES)}).json()
-    result = splice(clips(GLOSSES))
+    result = splice(owners(GLOSSES))
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     files = {form: base64.b64decode(content) for form, content in answer["files"].items()}
     assert files["bvh"] == bvh.encode(result.clip)
@@ -106,13 +115,14 @@ def test_sentence_equals_the_engines_splice(service: httpx.Client) -> None:
         ({"body_sense": False}, SpliceOptions(avoid_collisions=False)),
         ({"tempo": "natural"}, SpliceOptions(tempo="natural")),
         ({"tempo": 1.0}, SpliceOptions(tempo=1.0)),
-        ({"free_hand": "natural"}, SpliceOptions(free_hand="natural")),
+        ({"free_hand": "transition"}, SpliceOptions(free_hand="transition")),
+        ({"person": 0.5, "seed": 3}, SpliceOptions(person=0.5, seed=3)),
         ({"system": "lpt-plus"}, SpliceOptions(system="lpt-plus")),
     ],
 )
 def test_dials_are_the_engines_options(service: httpx.Client, dials: dict[str, Any], options: SpliceOptions) -> None:
     answer = service.post("/v1/sentence?file=bvh", json={"glosses": GLOSSES[:2], **dials})
-    assert answer.content == bvh.encode(splice(clips(GLOSSES[:2]), options).clip)
+    assert answer.content == bvh.encode(splice(owners(GLOSSES[:2]), options).clip)
     assert answer.headers["content-disposition"] == 'attachment; filename="HELLO-DEAF.bvh"'
 
 
@@ -255,7 +265,7 @@ def test_schemathesis_finds_no_fault(service: httpx.Client, tmp_path: Path) -> N
 
 def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
     messages = streamed(service, GLOSSES)
-    pieces = list(stream(clips(GLOSSES)))
+    pieces = list(stream(owners(GLOSSES)))
     np.testing.assert_array_equal(
         frames(messages), np.concatenate([frames_of(piece.clip) for piece in pieces]).astype("<f4")
     )
@@ -276,7 +286,7 @@ def test_a_stream_equals_the_engines_stream(service: httpx.Client) -> None:
 
 def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client) -> None:
     glosses = ["Hello,", "deaf?", "friend."]
-    result = splice(marked(clips(GLOSSES), pauses={0: ",", 1: "?", 2: "."}))
+    result = splice(owners(GLOSSES, pauses={0: ",", 1: "?", 2: "."}, brows={1: "raised"}))
     answer = service.post("/v1/sentence", json={"glosses": glosses}).json()
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     assert [unit["pause"] for unit in answer["units"]] == [",", "?", "."]
@@ -284,7 +294,7 @@ def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client)
     np.testing.assert_array_equal(frames(messages), frames_of(result.clip).astype("<f4"))
     spans = [message["span"] for message in messages if isinstance(message, dict) and message["type"] == "span"]
     assert [span["pause"]["mark"] for span in spans if span["pause"]] == [",", "?", "."]
-    plain = frames_of(splice(clips(GLOSSES)).clip).astype("<f4")
+    plain = frames_of(splice(owners(GLOSSES, brows={1: "raised"})).clip).astype("<f4")
     np.testing.assert_array_equal(frames(streamed(service, glosses, pauses=False)), plain)
     asked = service.post("/v1/sentence", json={"glosses": glosses, "pauses": False}).json()
     assert asked["report"]["frames"] == len(plain)
@@ -293,7 +303,7 @@ def test_punctuation_pauses_a_sentence_and_a_stream_alike(service: httpx.Client)
 def test_a_face_by_rule_is_in_the_files_of_a_sentence_that_asks_for_it(service: httpx.Client) -> None:
     asked = {"glosses": ["HELLO,", "DEAF?"], "face_rules": True, "formats": ["vrma"]}
     answer = service.post("/v1/sentence", json=asked).json()
-    assert answer["report"]["face"] == {"recorded": [], "rules": ["blinks", "brows"]}
+    assert answer["report"]["face"] == {"recorded": [], "rules": ["blinks", "brows", "gaze"]}
     face = parse(base64.b64decode(answer["files"]["vrma"]), "a.vrma").face
     assert face is not None
     assert face.of(["browInnerUp"]).max() == pytest.approx(0.7)
@@ -325,7 +335,7 @@ def test_forms_of_signs_are_signed(service: httpx.Client) -> None:
 
 
 def test_streamed_quaternions_have_unit_length(service: httpx.Client) -> None:
-    (message,) = [message for message in streamed(service, ["DEAF"]) if isinstance(message, bytes)]
+    message = next(message for message in streamed(service, ["DEAF"]) if isinstance(message, bytes))
     values = np.frombuffer(message, "<f4", offset=16).reshape(struct.unpack_from("<I", message, 8)[0], -1)
     np.testing.assert_allclose(np.linalg.norm(values[:, 3:].reshape(len(values), -1, 4), axis=-1), 1.0, atol=1e-5)
 
@@ -467,7 +477,8 @@ def test_a_stream_goes_on_after_a_text_that_is_too_long_or_empty(service: httpx.
         "201 words, expected at most 200",
         "no gloss in the sentence, expected at least one",
     ]
-    assert [text["span"]["name"] for text in texts if text["type"] == "span"] == ["HELLO"]
+    spans = [text["span"] for text in texts if text["type"] == "span"]
+    assert [(span["kind"], span["name"]) for span in spans] == [("sign", "HELLO"), ("retraction", "HELLO")]
 
 
 # --- types ---
@@ -477,6 +488,7 @@ def test_answers_and_messages_match_their_types(service: httpx.Client) -> None:
     """Workers write answers without FastAPI's checks, so all fields of the types are compared here."""
     spliced = TypeAdapter(wire.Spliced)
     answer = service.post("/v1/sentence", json={"glosses": ["HELLO", "fs-AB"]}).json()
+    assert set(answer["report"].pop("person")) == {"amount", "seed", "planned"}, "not of every report, nor of its type"
     assert json.loads(spliced.dump_json(spliced.validate_python(answer))) == answer
     adapter: TypeAdapter[wire.ServiceMessage] = TypeAdapter(wire.ServiceMessage)
     messages = streamed(service, ["HELLO", "HELO9", "NO SUCH", "DEAF"])

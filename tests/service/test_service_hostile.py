@@ -277,6 +277,8 @@ WRONG_MESSAGES: dict[str, tuple[list[Any], str]] = {
         "after the end",
     ),
     "a dial out of range": (['{"type": "open", "sign_speed": -1}'], "sign_speed"),
+    "a person over 1": (['{"type": "open", "person": 1.5}'], "person"),
+    "a seed below 0": (['{"type": "open", "seed": -1}'], "seed"),
     "an unknown method": (['{"type": "open", "cutter": "no-such"}'], "no-such"),
 }
 

@@ -111,11 +111,13 @@ def test_the_address_does_not_name_what_could_not_be_shown(seen: dict[str, Any])
     assert seen["notShown"]["search"] == "?s=HELLO+DEAF+SIGN"
 
 
-def test_dials_for_the_tempo_and_an_idle_hand(seen: dict[str, Any]) -> None:
+def test_dials_for_the_tempo_and_what_moves_between_signs(seen: dict[str, Any]) -> None:
     tempo = seen["tempo"]
-    assert tempo["asked"] == [["citation", "transition"], ["natural", "transition"], ["natural", "natural"]]
+    natural = ["natural", "natural", 1], ["natural", "transition", 1], ["natural", "transition", 0.5]
+    assert tempo["asked"] == [["citation", "natural", 1], *natural]
     assert tempo["lastFrames"][1] < 0.9 * tempo["lastFrames"][0]
-    assert tempo["search"] == "?s=HELLO+DEAF+SIGN&tempo=natural&free_hand=natural"
+    assert tempo["personValue"] == "0.5"
+    assert tempo["search"] == "?s=HELLO+DEAF+SIGN&tempo=natural&free_hand=transition&person=0.5"
 
 
 def test_downloads_hold_the_animation(seen: dict[str, Any]) -> None:
@@ -301,12 +303,12 @@ def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:
 def test_an_address_holds_the_sentence_and_what_is_set(screens: dict[str, Any]) -> None:
     opened = screens["opened"]
     assert opened["signs"] == ["DEAF", "FRIEND"]
-    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4", "natural", "natural"]
+    assert opened["values"] == ["DEAF FRIEND", "1.5", "0.5", "", "slerp", "0.4", "natural", "transition", "0.5"]
     assert opened["isAuto"] is False
     assert opened["pressed"] == ["side", "mirror"]
     assert opened["title"] == "DEAF FRIEND – signsplice"
-    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&tempo=natural&free_hand=natural&speed=0.5"
-    search += "&view=side&mirror=1&captions=0"
+    search = "transition=slerp&transition_time=0.4&sign_speed=1.5&tempo=natural&free_hand=transition&person=0.5"
+    search += "&speed=0.5&view=side&mirror=1&captions=0"
     assert opened["search"] == f"?s=DEAF+FRIEND&{search}"
     assert screens["signed"]["search"] == f"?s=HELLO+fs-AB&{search}"
 
@@ -323,6 +325,6 @@ def test_an_odd_address_runs_nothing(screens: dict[str, Any]) -> None:
     odd = screens["odd"]
     assert odd["hacked"] is None
     assert "1.5" in odd["alert"]
-    assert odd["values"][1:] == ["2", "1", "", "", "0.3", "citation", "transition"]
+    assert odd["values"][1:] == ["2", "1", "", "", "0.3", "citation", "natural", "1"]
     assert odd["isAuto"] is True
     assert odd["pressed"] == ["front", "captions"]

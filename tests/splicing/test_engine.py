@@ -23,6 +23,8 @@ from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, inbetween, splice, stream
+from signsplice.splicing.person import channel_joints, owned_channels
+from signsplice.splicing.result import Span
 
 CLASSICAL = SpliceOptions("pose-velocity", "hermite", "tempo")
 
@@ -39,17 +41,31 @@ class FixedCutter(Cutter):
         return self.at
 
 
+def remade_joints(span: Span, clip: Clip) -> list[int]:
+    """The joints that a span of a clip names as remade, none of which belongs to the word."""
+    if span.remade is None:
+        return []
+    joints = [clip.skeleton.index[name] for name in span.remade.joints]
+    assert not {*joints} & {joint for channel in owned_channels(clip) for joint in channel_joints(clip, channel)}
+    return joints
+
+
 def rebuilt(result: SpliceResult, clips: list[Clip]) -> FloatArray:
-    """Rotations (T, J, 4) by the spans: of signs from their aligned clips, of transitions from the output."""
+    """Rotations (T, J, 4) by the spans: of transitions and remade joints from the output, of others from their aligned
+    clips.
+    """
     first = reference(clips[0], result.clip.fps)
     out = np.full_like(result.clip.local_rotations, np.nan)
     for span in result.spans:
         a, b = span.output
-        if span.kind == "sign":
+        if span.kind != "transition":
             assert span.clip is not None
             assert span.source is not None
             source = align(clips[span.clip], first).clip
             out[a:b] = source.local_rotations[slice(*span.source)]
+            if span.remade is not None:
+                remade = slice(*span.remade.frames), remade_joints(span, clips[span.clip])
+                out[remade] = result.clip.local_rotations[remade]
         else:
             out[a:b] = result.clip.local_rotations[a:b]
     return out
@@ -60,7 +76,8 @@ def rebuilt(result: SpliceResult, clips: list[Clip]) -> FloatArray:
 def test_spans_rebuild_the_output_bit_for_bit(cutter: str, transition: str, sentence: list[Clip]) -> None:
     result = splice(sentence, SpliceOptions(cutter=cutter, transition=transition))
     assert np.array_equal(rebuilt(result, sentence), result.clip.local_rotations)
-    assert [span.kind for span in result.spans] == ["sign", "transition"] * (len(sentence) - 1) + ["sign"]
+    retraction = ["retraction"] if cutter != "ends" else []
+    assert [span.kind for span in result.spans] == ["sign", "transition"] * (len(sentence) - 1) + ["sign", *retraction]
     stops = [span.output[1] for span in result.spans]
     assert [span.output[0] for span in result.spans] == [0, *stops[:-1]]
     assert stops[-1] == len(result.clip)
@@ -71,8 +88,29 @@ def test_sign_frames_of_the_same_rig_are_copied_bit_for_bit(sentence: list[Clip]
     result = splice(sentence)
     for span in result.spans:
         if span.clip is not None and span.source is not None:
-            source = sentence[span.clip].local_rotations[slice(*span.source), 1:]
-            assert np.array_equal(result.clip.local_rotations[slice(*span.output), 1:], source)
+            clip = sentence[span.clip]
+            same = result.clip.local_rotations[slice(*span.output)] == clip.local_rotations[slice(*span.source)]
+            same[:, [0, *remade_joints(span, clip)]] = True
+            assert same.all()
+
+
+def test_the_last_word_is_all_there_and_its_retraction_begins_where_it_would_be_left(sentence: list[Clip]) -> None:
+    clip = sentence[1]
+    result, twice = splice([clip]), splice([clip, clip])
+    sign, retraction = result.spans
+    assert (sign.kind, retraction.kind) == ("sign", "retraction")
+    assert (retraction.clip, retraction.name, retraction.pause) == (0, clip.name, None)
+    assert sign.source == twice.spans[0].source
+    assert retraction.source == retraction.output == (sign.output[1], len(clip))
+    assert np.array_equal(result.clip.local_rotations, clip.local_rotations)
+    assert result.tempo == splice([clip], SpliceOptions("ends")).tempo
+    loaded = bvh.parse(bvh.encode(clip), clip.name)
+    assert bvh.encode(splice([loaded]).clip) == bvh.encode(loaded), "the numbers of a file go on in the retraction"
+
+
+def test_a_word_that_its_cutter_refuses_is_a_sign_to_its_end(sentence: list[Clip]) -> None:
+    options = replace(CLASSICAL, cutter=FixedCutter(len(sentence[0]), 0))
+    assert [span.kind for span in splice(sentence[:1], options).spans] == ["sign"]
 
 
 def test_a_sentence_is_shorter_and_its_arms_stay_up(sentence: list[Clip]) -> None:
@@ -87,11 +125,11 @@ def test_a_sentence_is_shorter_and_its_arms_stay_up(sentence: list[Clip]) -> Non
 
 @pytest.mark.parametrize("options", [CLASSICAL, SpliceOptions()], ids=["classical", "learned"])
 def test_pieces_never_change_once_they_are_out(options: SpliceOptions, sentence: list[Clip]) -> None:
-    """A longer sentence begins with the pieces of a shorter one, except the last sign, which goes on to its end."""
+    """A longer sentence begins with the pieces of a shorter one, except its last word, which goes on to its end."""
     whole = list(stream(sentence, options))
     for n in range(1, len(sentence)):
         part = list(stream(sentence[:n], options))
-        for a, b in zip(part[:-1], whole, strict=False):
+        for a, b in zip(part[: 2 * n - 2], whole, strict=False):
             assert np.array_equal(a.clip.local_rotations, b.clip.local_rotations)
             assert np.array_equal(a.clip.root_positions, b.clip.root_positions)
             assert a.span == b.span

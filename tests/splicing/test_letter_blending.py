@@ -13,6 +13,7 @@ from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.rig.info import arms, hands_in_trunk_axes
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.letters import FREE_FINGERS, spelling_side
+from signsplice.splicing.person import channel_joints
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,14 @@ def off(result: SpliceResult, index: int, clip: Clip, joints: list[str]) -> Floa
 
 def finger(name: str) -> list[str]:
     return [f"mixamorig:RightHand{name}{k}" for k in (1, 2, 3)]
+
+
+def planned_joints(result: SpliceResult, index: int) -> set[str]:
+    """Names of a letter's joints that are not its own but planned over the word."""
+    assert result.person is not None
+    clip = result.clip
+    channels = result.person.planned.get(index, ())
+    return {clip.skeleton.names[joint] for channel in channels for joint in channel_joints(clip, channel)}
 
 
 def test_a_finger_that_plays_no_part_moves_to_the_next_letter_early(lexicon: Lexicon) -> None:
@@ -63,7 +72,10 @@ def test_selected_fingers_and_the_thumb_keep_every_recorded_frame(word: str, lex
     spelled = {"Index": "Index", "Middle": "Middle", "Ring": "Ring", "Little": "Pinky"}
     for k, clip in enumerate(clips):
         free = [spelled[name] for name in FREE_FINGERS.get(word[k], ())]
-        kept = [name for name in clip.skeleton.names[1:] if not any(part in name for part in free)]
+        planned = planned_joints(result, k)
+        assert planned.isdisjoint(finger("Thumb")), "the arm that spells is the letter's own"
+        kept = [name for name in clip.skeleton.names[1:] if name not in planned]
+        kept = [name for name in kept if not any(part in name for part in free)]
         assert off(result, k, clip, kept).max() < 1e-9, word[k]
         if free:
             n_frames = len(off(result, k, clip, kept))
@@ -71,9 +83,10 @@ def test_selected_fingers_and_the_thumb_keep_every_recorded_frame(word: str, lex
             assert fingers[n_frames // 2] < 0.02, f"{word[k]} is whole in the middle of its hold"
 
 
-def test_what_is_on_its_way_is_reported_and_the_rest_is_copied(lexicon: Lexicon) -> None:
+@pytest.mark.parametrize("person", [0.0, 1.0])
+def test_what_is_on_its_way_is_reported_and_the_rest_is_copied(person: float, lexicon: Lexicon) -> None:
     clips = letters("ANYLA", lexicon)
-    result = splice(clips)
+    result = splice(clips, SpliceOptions(person=person))
     assert any(span.remade for span in result.spans)
     for span in result.spans:
         if span.clip is None or span.source is None:
@@ -105,7 +118,7 @@ def test_two_handed_letters_are_not_blended(lexicon: Lexicon) -> None:
     frame = int(both.lift.min(axis=1).argmax())
     assert spelling_side(both, frame, both, frame) is None
     clips = [replace(lexicon.clip("BOOK"), name="fs-N"), replace(lexicon.clip("BOOK"), name="fs-Y")]
-    assert all(span.remade is None for span in splice(clips, SpliceOptions(transition="slerp")).spans)
+    assert all(span.remade is None for span in splice(clips, SpliceOptions(transition="slerp", person=0.0)).spans)
 
 
 # --- doubled letters
@@ -121,7 +134,9 @@ def test_open_letters_slide_to_the_side(word: str, lexicon: Lexicon) -> None:
     assert -step[0] == pytest.approx(0.045, abs=0.005)
     assert np.linalg.norm(step) < 0.05
     assert result.spans[2].remade is not None
-    assert set(result.spans[2].remade.joints) == {f"mixamorig:Right{name}" for name in ("Arm", "ForeArm", "Hand")}
+    arm = {f"mixamorig:Right{name}" for name in ("Arm", "ForeArm", "Hand")}
+    assert set(result.spans[2].remade.joints) == arm | planned_joints(result, 1)
+    assert arm.isdisjoint(planned_joints(result, 1))
     alone = splice(clips[1:]).clip
     assert np.abs(arms(alone).wrists[-1] - own.wrists[-1]).max() * own.metres < 0.002, "it sinks to the same rest"
 

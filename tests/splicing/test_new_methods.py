@@ -61,7 +61,7 @@ both = pytest.mark.parametrize("join", [spliced, streamed])
 
 @both
 def test_a_new_transition_makes_the_frames(join: Join, sentence: list[Clip]) -> None:
-    options = SpliceOptions("ends", Freeze(), transition_time=0.2)
+    options = SpliceOptions("ends", Freeze(), transition_time=0.2, person=0.0, free_hand="transition")
     clip, seams = join(sentence[:2], options)
     assert [seam.n_transition for seam in seams] == [6]
     new = clip.local_rotations[len(sentence[0]) :][:6]
@@ -91,7 +91,8 @@ def test_a_new_curve_is_a_function(join: Join, sentence: list[Clip]) -> None:
         return np.asarray(u**2 * problem.displacement)
 
     transition = CurveTransition("slow-start", "the square of time", slow_start)
-    clip, _ = join(sentence[:2], SpliceOptions("ends", transition, transition_time=0.3))
+    options = SpliceOptions("ends", transition, transition_time=0.3, person=0.0, free_hand="transition")
+    clip, _ = join(sentence[:2], options)
     first, *new, last = clip.local_rotations[len(sentence[0]) - 1 :][:11]
     expected = (np.arange(1, 10)[:, None] / 10) ** 2 * rotation.angle_between(first, last)  # (9, J)
     np.testing.assert_allclose(rotation.angle_between(first, np.stack(new)), expected, atol=1e-6)
@@ -143,7 +144,7 @@ def test_a_cut_outside_its_clips_is_refused(sentence: list[Clip]) -> None:
         splice(sentence[:2], SpliceOptions(cutter=Outside()))
 
 
-def test_a_cutter_of_whole_sentences_is_called_once(sentence: list[Clip]) -> None:
+def test_a_cutter_of_whole_sentences_is_called_once_and_for_the_last_word_alone(sentence: list[Clip]) -> None:
     class Whole(Cutter):
         name, summary = "whole", "for tests"
 
@@ -158,10 +159,10 @@ def test_a_cutter_of_whole_sentences_is_called_once(sentence: list[Clip]) -> Non
     n_seams = len(sentence) - 1
     plain = SpliceOptions(transition="slerp", duration="fixed")
     _, seams = spliced(sentence, replace(plain, cutter=Whole(n_seams)))
-    assert calls == [len(sentence)]
+    assert calls == [len(sentence), 2]
     assert [seam.post_frame for seam in seams] == [7] * n_seams
     _, seams = streamed(sentence, replace(plain, cutter=Whole(1)))
-    assert calls[1:] == [2] * n_seams, "a stream sees two words at a time"
+    assert calls[2:] == [2] * (n_seams + 1), "a stream sees two words at a time"
     assert [seam.post_frame for seam in seams] == [7] * n_seams
     clip, _ = spliced(sentence[:1], replace(plain, cutter=Whole(0)))
     assert len(clip) == len(sentence[0])

@@ -22,6 +22,7 @@ from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.cutters import CUTTERS
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice, stream
 from signsplice.splicing.pauses import LONGER, PAUSES_S, _braking
+from signsplice.splicing.person import channel_joints, owned_channels
 from signsplice.splicing.result import Span
 
 GLOSSES = ("HELLO", "FRIEND", "MOTHER", "BOOK", "THANK-YOU")
@@ -30,7 +31,7 @@ WAYS = {
     "default": SpliceOptions(),
     "classical": SpliceOptions("pose-velocity", "hermite", "tempo"),
     "natural": SpliceOptions(tempo="natural"),
-    "idle hands": SpliceOptions(free_hand="natural"),
+    "no person": SpliceOptions(person=0.0, free_hand="transition"),
     "faster": SpliceOptions(fps=25.0, sign_speed=1.4),
     "no transitions": SpliceOptions(transition_time=0.0),
 }
@@ -41,13 +42,18 @@ def clips(*glosses: str) -> list[Clip]:
 
 
 def rebuilt(result: SpliceResult, sources: Sequence[Clip]) -> FloatArray:
-    """Rotations by the copy rule: of signs from their aligned clips, of transitions from the output."""
+    """Rotations by the copy rule: of transitions and remade joints from the output, of others from their aligned
+    clips.
+    """
     first, out = reference(sources[0], result.clip.fps), np.array(result.clip.local_rotations)
     for span in result.spans:
         if span.clip is not None and span.source is not None:
             source = align(sources[span.clip], first).clip
             source = sample_clip(source, np.array(span.warp)[:, 1]) if span.warp else source[slice(*span.source)]
             out[slice(*span.output)] = source.local_rotations
+            if span.remade is not None:
+                remade = slice(*span.remade.frames), [source.skeleton.index[name] for name in span.remade.joints]
+                out[remade] = result.clip.local_rotations[remade]
     return out
 
 
@@ -55,29 +61,39 @@ def paused(result: SpliceResult) -> list[Span]:
     return [span for span in result.spans if span.pause is not None]
 
 
-def wrist_speeds(clip: Clip) -> FloatArray:
+def wrist_speeds(clip: Clip, sides: Sequence[int] = (0, 1)) -> FloatArray:
     """Speed of the faster wrist from each frame to the next, m/s."""
     own = arms(clip)
-    return np.asarray(np.linalg.norm(np.diff(own.wrists, axis=0), axis=-1).max(axis=1) * own.metres * clip.fps)
+    steps = np.diff(own.wrists[:, list(sides)], axis=0)
+    return np.asarray(np.linalg.norm(steps, axis=-1).max(axis=1) * own.metres * clip.fps)
+
+
+def owned_joints(clip: Clip) -> list[int]:
+    return [joint for channel in owned_channels(clip) for joint in channel_joints(clip, channel)]
 
 
 @pytest.mark.parametrize("cutter", ["learned", *CUTTERS])
 def test_kept_frames_are_the_clips_and_every_span_rebuilds_the_output(cutter: str) -> None:
     result = splice(marked(clips(), pauses=MARKS), SpliceOptions(cutter=cutter))
     assert np.array_equal(rebuilt(result, clips()), result.clip.local_rotations)
-    assert [span.kind for span in result.spans] == ["sign", "transition"] * len(GLOSSES)
+    for span in result.spans:
+        if span.clip is not None and span.remade is not None:
+            own = {result.clip.skeleton.names[joint] for joint in owned_joints(clips()[span.clip])}
+            assert not own & {*span.remade.joints}, "what belongs to a word is kept"
+    assert [span.kind for span in result.spans] == ["sign", "transition"] * (len(GLOSSES) - 1) + ["sign", "retraction"]
     assert [span.name for span in result.spans if span.kind == "sign"] == list(GLOSSES)
     stops = [span.output[1] for span in result.spans]
     assert [span.output[0] for span in result.spans] == [0, *stops[:-1]]
     assert stops[-1] == len(result.clip)
-    assert all(span.warp is None for span in result.spans), "nothing is played otherwise than as recorded"
+    assert all(span.warp is None for span in result.spans[:-1]), "nothing is played otherwise than as recorded"
+    assert result.spans[-1].warp is not None, "it comes to a stand"
 
 
-def test_the_report_names_each_pause_at_the_beginning_of_a_transition() -> None:
+def test_the_report_names_each_pause_at_the_beginning_of_a_transition_or_the_retraction() -> None:
     result = splice(marked(clips(), pauses=MARKS))
     assert [span.pause.mark for span in paused(result) if span.pause] == list(MARKS.values())
+    assert [span.kind for span in paused(result)] == ["transition", "transition", "retraction"]
     for span in paused(result):
-        assert span.kind == "transition"
         assert span.pause is not None
         assert span.output[0] == span.pause.frames[0] < span.pause.frames[1] < span.output[1]
     for seam, before, gap, after in zip(
@@ -103,13 +119,15 @@ def test_a_stream_and_many_at_once_make_the_same_frames(way: str) -> None:
 
 
 def test_a_word_is_held_alike_whatever_comes_next() -> None:
-    holds = []
-    for after in ("BOOK", "MOTHER"):
-        result = splice(marked(clips("HELLO", after), pauses={0: "."}))
-        (span,) = paused(result)
-        assert span.pause is not None
-        holds.append(result.clip.local_rotations[: span.pause.frames[1]])
-    assert np.array_equal(holds[0], holds[1])
+    every_joint = list(range(len(clips()[0].skeleton)))
+    for way, joints in (("no person", every_joint), ("default", owned_joints(clips("HELLO")[0]))):
+        holds = []
+        for after in ("BOOK", "MOTHER"):
+            result = splice(marked(clips("HELLO", after), pauses={0: "."}), WAYS[way])
+            (span,) = paused(result)
+            assert span.pause is not None
+            holds.append(result.clip.local_rotations[: span.pause.frames[1], joints])
+        assert np.array_equal(holds[0], holds[1])
 
 
 @pytest.mark.parametrize("mark", PAUSES_S)
@@ -125,7 +143,8 @@ def test_a_pause_lasts_as_its_mark_says_and_a_fifth_of_the_sign(mark: str) -> No
 
 def test_hands_stand_at_the_end_of_a_pause_and_stay_up_between_phrases() -> None:
     result = splice(marked(clips("HELLO", "MOTHER", "FATHER", "BOOK"), pauses={0: ".", 1: "!", 2: "."}))
-    speeds, lift = wrist_speeds(result.clip), arms(result.clip).lift.max(axis=1)
+    # The right hand signs before each mark; the left one is on its way to BOOK while FATHER is held.
+    speeds, lift = wrist_speeds(result.clip, sides=[1]), arms(result.clip).lift.max(axis=1)
     for span in paused(result):
         assert span.pause is not None
         assert speeds[span.pause.frames[1] - 3 : span.pause.frames[1] - 1].max() < 0.1
@@ -145,8 +164,8 @@ def test_a_pause_has_no_more_jerk_than_the_sign_before_it() -> None:
 def test_after_the_last_mark_hands_come_down_as_in_the_clip() -> None:
     clip = clips("BOOK")[0]
     plain, held = splice([clip]), splice(marked([clip], pauses={0: "."}))
-    assert [span.kind for span in plain.spans] == ["sign"]
-    assert [span.kind for span in held.spans] == ["sign", "transition"]
+    assert [span.kind for span in plain.spans] == [span.kind for span in held.spans] == ["sign", "retraction"]
+    assert (len(paused(plain)), len(paused(held))) == (0, 1)
     n = 20
     assert np.array_equal(plain.clip.local_rotations[-n:], held.clip.local_rotations[-n:])
     assert len(held.clip) - len(plain.clip) > 0.3 * held.clip.fps
@@ -172,7 +191,7 @@ def test_a_spelled_word_is_held_at_its_last_letter(words: Mapping[str, Clip]) ->
     result = splice(marked([*spelled, words["HELLO"]], pauses={2: ","}))
     (span,) = paused(result)
     assert span.output[0] == result.spans[4].output[1]
-    assert np.array_equal(rebuilt(result, [*spelled, words["HELLO"]])[:, :1], result.clip.local_rotations[:, :1])
+    assert np.array_equal(rebuilt(result, [*spelled, words["HELLO"]]), result.clip.local_rotations)
 
 
 def test_letters_beside_a_pause_are_two_words() -> None:

@@ -21,19 +21,19 @@ from signing import word
 from signsplice.body.retarget import align
 from signsplice.cli.commands import app
 from signsplice.errors import InputError
-from signsplice.motion import Clip, concatenate, resample, rotation, sample_clip
+from signsplice.motion import Clip, resample, rotation, sample_clip
 from signsplice.rig.align import reference
+from signsplice.rig.info import arms
 from signsplice.rig.inspection import with_ends_held
 from signsplice.signer import planner
 from signsplice.signer.signer import STANDARD
 from signsplice.splicing import report as reports
-from signsplice.splicing.contracts import Cut, Cutter, Gap, Transition
+from signsplice.splicing.contracts import Cut, Cutter
 from signsplice.splicing.cutters import CUTTERS
-from signsplice.splicing.durations import RUNNING_S, running_sign_s, seconds_a_sign
+from signsplice.splicing.durations import HUMAN, RUNNING_S, running_sign_s, seconds_a_sign
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, Stream, splice, stream
-from signsplice.splicing.passes import LengthenGaps, Refill
-from signsplice.splicing.result import measure_tempo
-from signsplice.splicing.seam import SIGNS, Seam
+from signsplice.splicing.person import channel_joints, owned_channels
+from signsplice.splicing.result import Span, measure_tempo
 from signsplice.splicing.tempo import PEAKS, RATES, contact_frames, pace, prominent_peaks, retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap
 from signsplice_workshop.measure.hands import wrist_positions
@@ -71,8 +71,16 @@ def test_natural_comes_near_running_tempo(natural: SpliceResult, sentence: list[
     assert natural.tempo.seconds is not None
     assert 0.8 * RUNNING_S < natural.tempo.seconds < 1.2 * RUNNING_S < 1.3 * RUNNING_S < before
     signs = [span.output for span in natural.spans if span.kind == "sign"]
-    inner = sum(b - a for a, b in [span.output for span in natural.spans[1:-2]])
+    inner = sum(b - a for a, b in [span.output for span in natural.spans[1:-3]])
     assert natural.tempo.seconds == pytest.approx(inner / natural.clip.fps / (len(signs) - 2), abs=1e-3)
+
+
+def kept_joints(span: Span, clip: Clip) -> list[int]:
+    """The joints of a clip that its span does not name as remade, with all that belong to the word."""
+    remade = () if span.remade is None else span.remade.joints
+    kept = [joint for joint, name in enumerate(clip.skeleton.names) if name not in remade]
+    assert {joint for channel in owned_channels(clip) for joint in channel_joints(clip, channel)} <= {*kept}
+    return kept
 
 
 def test_the_frames_that_a_warp_lists_rebuild_the_sign_bit_for_bit(natural: SpliceResult, sentence: list[Clip]) -> None:
@@ -88,8 +96,8 @@ def test_the_frames_that_a_warp_lists_rebuild_the_sign_bit_for_bit(natural: Spli
         assert span.source[0] <= sources[0]
         assert sources[-1] <= span.source[1] - 1
         source = align(sentence[span.clip], first).clip
-        part = natural.clip.local_rotations[slice(*span.output)]
-        assert np.array_equal(sample_clip(source, sources).local_rotations, part)
+        same = sample_clip(source, sources).local_rotations == natural.clip.local_rotations[slice(*span.output)]
+        assert same[:, kept_joints(span, source)].all()
     assert n_warped >= 4
 
 
@@ -100,8 +108,9 @@ def test_a_warp_rebuilds_a_sign_whose_first_frames_are_left_out_bit_for_bit(sent
     assert span.source is not None
     assert span.source[0] >= 40
     source = align(with_ends_held(posed), reference(sentence[0])).clip
-    part = result.clip.local_rotations[slice(*span.output)]
-    assert np.array_equal(sample_clip(source, np.array(span.warp)[:, 1]).local_rotations, part)
+    part = sample_clip(source, np.array(span.warp)[:, 1]).local_rotations
+    kept = kept_joints(span, sentence[1])
+    assert np.array_equal(part[:, kept], result.clip.local_rotations[slice(*span.output), kept])
 
 
 class NoCuts(Cutter):
@@ -121,24 +130,6 @@ def test_a_first_word_that_the_cutter_fails_on_is_refused_and_leaves_no_trace(se
     assert growing.end()[0].clip.fps == 30.0
 
 
-class Flicker(Transition):
-    """Goes to and fro between the last frame before and the first frame after."""
-
-    name, summary = "flicker", "for tests"
-
-    def between(self, gap: Gap) -> Clip:
-        ends = [gap.before[-1:], gap.after[:1]]
-        return concatenate([ends[k % 2] for k in range(gap.n_frames)])
-
-
-def test_no_transition_is_lengthened_past_the_longest(sentence: list[Clip]) -> None:
-    rest, raised = sentence[0][:9], sentence[0][len(sentence[0]) // 2 :]
-    refill, gap = Refill(Flicker(), avoids=False), Gap(rest, raised, 200)
-    before, after = (AlignedWord(0, clip, clip, FrameMap()) for clip in (rest, raised))
-    filled = refill.fill(Seam(SIGNS, before, after, Cut(len(rest) - 1, 0), gap))
-    assert len(LengthenGaps(refill).change(filled).new_frames) == 300
-
-
 def test_naming_a_default_is_choosing_nothing(sentence: list[Clip]) -> None:
     options = SpliceOptions(tempo="natural")
     plain, named = (
@@ -146,12 +137,11 @@ def test_naming_a_default_is_choosing_nothing(sentence: list[Clip]) -> None:
         for name, duration in ((None, None), ("learned", "tempo"))
     )
     assert named == plain
-    assert SpliceOptions("learned", "learned", "auto").lengthens
 
 
 def test_no_frame_of_what_citation_keeps_is_lost(natural: SpliceResult, sentence: list[Clip]) -> None:
     for ours, theirs in zip(natural.spans, splice(sentence).spans, strict=True):
-        if ours.source is not None and theirs.source is not None:
+        if ours.kind == "sign" and ours.source is not None and theirs.source is not None:
             assert ours.source[0] <= theirs.source[0]
             assert theirs.source[1] <= ours.source[1]
 
@@ -260,7 +250,12 @@ def test_transitions_take_a_quarter_of_a_second_or_more_and_a_named_rule_stays(
     seconds = [seam.seconds for seam in natural.seams]
     assert min(seconds) >= 0.25 - 0.5 / 30.0
     slow = splice(sentence, SpliceOptions(tempo=1.4))
-    assert min(seam.seconds for seam in slow.seams) >= 0.5 - 0.5 / 30.0
+    for seam, before, after in zip(slow.seams, sentence, sentence[1:], strict=False):
+        travel = arms(after).wrists[seam.post_frame, 1] - arms(before).wrists[seam.pre_frame, 1]
+        people_s = HUMAN.still_transition_s + HUMAN.doubling_s * np.log2(
+            1.0 + np.linalg.norm(travel) / arms(before).shoulder_width
+        )
+        assert seam.seconds == pytest.approx(2.0 * people_s, abs=0.5 / 30.0), "of the right hand: the left one is idle"
     fixed = splice(sentence, SpliceOptions(tempo="natural", transition_time=0.5))
     assert {seam.n_transition for seam in fixed.seams} == {15}
     named = splice(sentence, SpliceOptions("ends", "hermite", "fixed", tempo=1.5))

@@ -32,7 +32,7 @@ def passes(**options: Any) -> Sequence[Pass]:
     return Sentence(wanted).passes
 
 
-PASSES = passes(free_hand="natural")
+PASSES = passes()
 
 
 def seam(gap: Gap) -> Seam:
@@ -80,12 +80,10 @@ OTHER_GAPS = {
     "roles": on_skeleton(roles={"head": SKELETON.names[1]}),
 }
 OTHER_PASSES = {
-    "transition": passes(free_hand="natural", transition="quintic"),
+    "transition": passes(transition="quintic"),
     "a network": passes(transition="learned"),
     "another network": passes(transition="learned", bundle=GOLDEN / "tiny_bundle"),
-    "collision avoidance": passes(free_hand="natural", avoid_collisions=None),
-    "a duration": passes(free_hand="natural", duration="fixed"),
-    "measured speed": passes(),
+    "collision avoidance": passes(avoid_collisions=None),
 }
 CHANGES = [(name, PASSES, gap) for name, gap in OTHER_GAPS.items()]
 CHANGES += [(name, others, GAP) for name, others in OTHER_PASSES.items()]
@@ -111,7 +109,7 @@ def assert_same(found: Sequence[Seam], expected: Sequence[Seam]) -> None:
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.new_frames.local_rotations, other.new_frames.local_rotations)
         np.testing.assert_array_equal(one.new_frames.root_positions, other.new_frames.root_positions)
-        assert (one.depth, one.frame_warnings, one.peak_m_s) == (other.depth, other.frame_warnings, other.peak_m_s)
+        assert (one.depth, one.frame_warnings) == (other.depth, other.frame_warnings)
 
 
 def test_gaps_are_filled_alike_with_and_without_and_once_where_they_come_twice() -> None:

@@ -16,6 +16,7 @@ from signsplice.errors import InputError
 from signsplice.formats import load
 from signsplice.motion import Clip, kinematics
 from signsplice.signer import folders, planner
+from signsplice.signer.phonology import Gesture, owned_channels
 from signsplice.signer.signer import STANDARD, draw_signer
 
 BVH_CM = 0.01
@@ -48,6 +49,9 @@ def test_a_lexicon_has_a_file_for_every_word_and_a_table(lexicon: Path) -> None:
         assert row["file"] == f"{one.gloss}.bvh"
         assert row["source"] == one.source
         assert row["synonyms"].split(";") == [*one.synonyms, *([""] * (not one.synonyms))]
+    assert [row["owns"] for row in rows] == [
+        *("right arm", "right arm", "left arm;right arm", "right arm", "right arm")
+    ]
 
 
 @pytest.mark.parametrize("gloss", ["I", "BOOK", "fs-A"])
@@ -68,6 +72,16 @@ def test_progress_is_reported_and_the_table_names_the_signer(tmp_path: Path) -> 
     assert reported == [(1, 2), (2, 2)]
     assert "signer-3" in (tmp_path / "l" / "glosses.csv").read_text()
     assert load(tmp_path / "l" / "I.bvh").fps == pytest.approx(24.0, abs=1e-3)
+
+
+def test_a_sign_owns_the_strong_arm_a_weak_arm_that_it_needs_and_what_it_nods_or_leans() -> None:
+    one, both = {"left arm"}, {"left arm", "right arm"}
+    owned = {"I": one, "BOOK": both, "HOSPITAL": both, "NOT": one | {"head"}, "TIRED": both | {"trunk"}}
+    left_handed = replace(STANDARD, left_handed=True)
+    assert {gloss: owned_channels(sign(gloss), left_handed) for gloss in owned} == owned
+    assert owned_channels(sign("I")) == {"right arm"}
+    leaning = replace(sign("I"), gestures=(Gesture("trunk", (5.0, 0.0, 0.0)),))
+    assert owned_channels(leaning) == {"right arm", "trunk"}
 
 
 def test_glosses_become_names_that_file_systems_allow() -> None:
@@ -119,6 +133,15 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_own_output_is_replaced(lexicon: Path, tmp_path: Path) -> None:
     for signer in (draw_signer(3), STANDARD):
         folders.write_lexicon(SIGNS[:2], signer, tmp_path / "l")
+    folders.write_lexicon(SIGNS, STANDARD, tmp_path / "l")
+    assert contents(tmp_path / "l") == contents(lexicon)
+
+
+def test_own_output_without_the_newest_column_is_replaced(lexicon: Path, tmp_path: Path) -> None:
+    shutil.copytree(lexicon, tmp_path / "l")
+    lines = (lexicon / "glosses.csv").read_text(encoding="utf-8").splitlines()
+    table = "".join(f"{line.rpartition(',')[0]}\n" for line in lines)
+    (tmp_path / "l" / "glosses.csv").write_text(table, encoding="utf-8")
     folders.write_lexicon(SIGNS, STANDARD, tmp_path / "l")
     assert contents(tmp_path / "l") == contents(lexicon)
 

@@ -214,15 +214,18 @@ await hurried.page.waitForSelector('#alert:not([hidden])');
 result.notShown = await where();
 await hurried.page.unroute('**/v1/sentence');
 
-// The tempo, and the time of an idle hand.
+// The tempo, and what moves between the signs.
 const lasts = async () => Number(await hurried.page.getAttribute('#frame', 'max'));
 result.tempo = { lastFrames: [await lasts()] };
 await hurried.page.selectOption('#tempo', 'natural');
 await shown(hurried.page, 2);
 result.tempo.lastFrames.push(await lasts());
-await hurried.page.selectOption('#free-hand', 'natural');
+await hurried.page.selectOption('#free-hand', 'transition');
 await shown(hurried.page, 3);
-result.tempo.asked = [...asked.slice(0, 1), ...asked.slice(-2)].map(({ tempo, free_hand }) => [tempo, free_hand]);
+await hurried.page.fill('#person', '0.5');
+await shown(hurried.page, 4);
+result.tempo.asked = [...asked.slice(0, 1), ...asked.slice(-3)].map(({ tempo, free_hand, person }) => [tempo, free_hand, person]);
+result.tempo.personValue = await hurried.page.textContent('#person-value');
 result.tempo.search = (await where()).search;
 result.hurried.faults = hurried.faults;
 await hurried.page.close();

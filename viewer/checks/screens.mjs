@@ -187,13 +187,13 @@ const search = () => shared.evaluate(() => location.search);
 const state = async () => ({
   search: await search(),
   signs: await signs(shared),
-  values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time', '#tempo', '#free-hand'].map((query) => shared.inputValue(query))),
+  values: await Promise.all(['#glosses', '#sign-speed', '#speed', '#cutter', '#transition', '#transition-time', '#tempo', '#free-hand', '#person'].map((query) => shared.inputValue(query))),
   isAuto: await shared.isChecked('#transition-auto'),
   pressed: await shared.locator('[aria-pressed=true]').evaluateAll((all) => all.flatMap((one) => one.dataset.view || one.id || [])),
   title: await shared.title(),
 });
 const odd = encodeURIComponent('"><img src=x onerror="globalThis.hacked=1.5">');
-await shared.goto(`${address}?s=DEAF+FRIEND&sign_speed=1.5&speed=0.5&transition=slerp&transition_time=0.4&view=side&mirror=1&captions=0&tempo=natural&free_hand=natural&cutter=${odd}`);
+await shared.goto(`${address}?s=DEAF+FRIEND&sign_speed=1.5&speed=0.5&transition=slerp&transition_time=0.4&view=side&mirror=1&captions=0&tempo=natural&free_hand=transition&person=0.5&cutter=${odd}`);
 await shown(shared, 1);
 result.opened = await state();
 await shared.fill('#glosses', 'HELLO fs-AB');
@@ -214,7 +214,7 @@ result.forward = await state();
 await shared.reload();
 await shown(shared, 1);
 result.reloaded = await state();
-await shared.goto(`${address}?s=${odd}&view=${odd}&sign_speed=1e99&transition_time=${odd}&speed=NaN&tempo=0.7&free_hand=${odd}`);
+await shared.goto(`${address}?s=${odd}&view=${odd}&sign_speed=1e99&transition_time=${odd}&speed=NaN&tempo=0.7&free_hand=${odd}&person=${odd}`);
 await shared.waitForSelector('#alert:not([hidden])');
 result.odd = { ...(await state()), alert: await shared.locator('#alert').textContent(), hacked: await shared.evaluate(() => globalThis.hacked ?? null) };
 result.faults.pop(); // the browser reports the 422 too

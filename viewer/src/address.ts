@@ -11,6 +11,7 @@ const CONTROLS = {
   sign_speed: '#sign-speed',
   tempo: '#tempo',
   free_hand: '#free-hand',
+  person: '#person',
   system: '#system',
   compare: '#compare',
   speed: '#speed',

@@ -18,7 +18,8 @@ export function requested(): Dials[] {
     transition_time: auto().checked ? 'auto' : Number(value('#transition-time')),
     sign_speed,
     tempo: value('#tempo') as 'citation' | 'natural',
-    free_hand: value('#free-hand') as 'transition' | 'natural',
+    free_hand: value('#free-hand') as 'natural' | 'transition',
+    person: Number(value('#person')),
   };
   const joined = (by: string): Dials => ({ system: by as Dials['system'], sign_speed }); // a system chooses all else
   const first = system ? joined(system) : dials;
@@ -43,6 +44,7 @@ export function onChange(changed: () => void): void {
 export function showValues(): void {
   find('#transition-time-value').textContent = auto().checked ? '' : `${Number(value('#transition-time')).toFixed(2)} s`;
   find('#sign-speed-value').textContent = `${Number(value('#sign-speed')).toFixed(2)}×`;
+  find('#person-value').textContent = Number(value('#person')).toFixed(1);
 }
 
 /** Fill the lists with the service's methods; the choices stay. */

@@ -73,15 +73,16 @@ export interface Caption {
 
 const NOTHING: Caption = { parts: ['', '', ''], inTransition: false };
 
-/** The caption of a frame: a word, also while it is held, a letter in its spelled word, or a transition from one word to the next. */
+/** The caption of a frame: a word, also while it is held or its hands come down, a letter in its spelled word, or a transition. */
 export function caption(scene: Spliced, frame: number): Caption {
   const { spans } = scene.report;
   const at = spanAt(scene.report, frame);
   const span = spans[at];
   if (!span) return NOTHING;
-  if (span.kind === 'sign') return { parts: partsOf(scene, span), inTransition: false };
+  const isHeld = frame < (span.pause?.frames[1] ?? 0);
+  if (span.kind !== 'transition') return { parts: partsOf(scene, span), inTransition: span.kind === 'retraction' && !isHeld };
   const [before, after] = [spans[at - 1], spans[at + 1]];
-  if (before && (!after || frame < (span.pause?.frames[1] ?? 0))) return { parts: partsOf(scene, before), inTransition: !after };
+  if (before && (!after || isHeld)) return { parts: partsOf(scene, before), inTransition: !after };
   const [from, to] = [unit(scene, before), unit(scene, after)];
   if (from && to && from.unit === to.unit && after) return { parts: partsOf(scene, after), inTransition: true };
   const [left, right] = [from?.text ?? label(before?.name ?? ''), to?.text ?? label(after?.name ?? '')];

@@ -1,4 +1,4 @@
-/** The time line: a button for each sign and transition, above a slider of frames. */
+/** The time line: a button for each span, above a slider of frames. */
 
 import { translate } from './languages.js';
 import { caption, label, plain, seams, spanAt } from './scene.js';
@@ -51,7 +51,7 @@ export class TimeLine {
         } else {
           const number = all.findIndex((one, k) => k >= seam && one.from === from);
           seam = number + 1;
-          const at = all[number]; // none after the last sign, where the hands come down
+          const at = all[number]; // none of a retraction
           const text = at ? translate('transitionTo', { before: at.before, after: at.after }) : translate('goTo', { name: plain(caption(scene, from)) });
           button.title = button.ariaLabel = text;
           button.addEventListener('click', () => (at ? this.handlers.seam(number) : this.handlers.frame(from)));

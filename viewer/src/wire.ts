@@ -25,7 +25,7 @@ export interface Remade {
   frames: [number, number];
 }
 
-/** Frames of a transition's span in which the sign before it is held in its last posture. */
+/** Frames of a transition's or a retraction's span in which the sign before it is held in its last posture. */
 export interface Pause {
   mark: string;
   frames: [number, number];
@@ -33,7 +33,7 @@ export interface Pause {
 
 /** Where a stretch of the output comes from; frame ranges are half-open. */
 export interface Span {
-  kind: "sign" | "transition";
+  kind: "sign" | "transition" | "retraction";
   clip: number | null;
   name: string | null;
   source: [number, number] | null;
@@ -82,6 +82,8 @@ export interface Dials {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  person?: number;
+  seed?: number;
   system?: "lptransformer" | "lpt-plus" | null;
 }
 
@@ -95,6 +97,8 @@ export interface SentenceRequest {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  person?: number;
+  seed?: number;
   system?: "lptransformer" | "lpt-plus" | null;
   glosses?: string[] | null;
   text?: string | null;
@@ -119,6 +123,8 @@ export interface SpliceRequest {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  person?: number;
+  seed?: number;
   system?: "lptransformer" | "lpt-plus" | null;
   formats?: ("bvh" | "glb" | "vrma")[];
   mesh?: boolean;
@@ -217,6 +223,8 @@ export interface OpenMessage {
   fps?: number | null;
   body_sense?: boolean | null;
   free_hand?: "transition" | "natural";
+  person?: number;
+  seed?: number;
   system?: "lptransformer" | "lpt-plus" | null;
   type: "open";
   paced?: boolean;

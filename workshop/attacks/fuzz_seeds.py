@@ -187,10 +187,10 @@ def make_report_seeds() -> list[bytes]:
     return [json.dumps(report, indent=2).encode()]
 
 
-GLOSSES = b"""file,gloss,synonyms,signer,source,checked,kind
-hello.bvh,HELLO,HI;GOOD-DAY,A,"book, page 3",yes,sign
-a.bvh,fs-A,,,,no,letter
-sub/tree.bvh,TREE,,B,,,
+GLOSSES = b"""file,gloss,synonyms,signer,source,checked,kind,owns
+hello.bvh,HELLO,HI;GOOD-DAY,A,"book, page 3",yes,sign,right arm;head
+a.bvh,fs-A,,,,no,letter,none
+sub/tree.bvh,TREE,,B,,,,
 """
 
 

@@ -56,6 +56,8 @@ _COMPARED = ("Hips", "LeftForeArm", "LeftHand", "LeftHandMiddle1", "LeftHandInde
 _OTHER_SIDE, _TIPS = [0, *range(5, 9), *range(1, 5), 9, 10], [4, 8]
 _NOSE = np.array([0.0, 6.0, 11.0])
 """From the joint of the head, cm."""
+_AS_RECORDED = ss.SpliceOptions(person=0.0, free_hand="transition")
+"""Arms, head and trunk move as in the words."""
 _MAX_CM, _MAX_OTHER_CM, _MAX_HIPS_CM, _MIN_SHOWN = 0.1, 0.3, 0.5, 0.9
 """Greatest errors of a joint, of a joint of another body relative to its hips, and of those hips, cm; smallest fraction
 of the word's frames that must be shown.
@@ -205,9 +207,9 @@ def compute_points(motion: Motion) -> Floats:
 
 def splice_file(path: Path) -> tuple[dict[int, Floats], tuple[str, ...]]:
     """Returns the compared positions (P, 3) for each frame of a file that a splice shows after ``FIRST``, and
-    warnings.
+    warnings. Nothing is added to the frames, so that they can be compared with the word's own.
     """
-    result = ss.splice([read_word(FIRST), ss.load(path)])
+    result = ss.splice([read_word(FIRST), ss.load(path)], _AS_RECORDED)
     points, shown = compute_points(extract_motion(result.clip)), dict[int, Floats]()
     for span in result.spans:
         if span.clip == 1 and span.source is not None:

@@ -61,12 +61,12 @@ class Count:
 
 def _list_kept_spans(pieces: list[Piece]) -> list[tuple[int, int]]:
     """Returns the frames [start, stop) that are kept of each word."""
-    return [piece.span.source for piece in pieces if piece.span.source is not None]
+    return [piece.span.source for piece in pieces if piece.span.kind == "sign" and piece.span.source is not None]
 
 
 def _extract_transition(pieces: list[Piece], seam: int) -> NDArray[np.float64]:
     """Returns the rotations of the frames after sign number ``seam`` and before the next."""
-    signs = [k for k, piece in enumerate(pieces) if piece.span.source is not None]
+    signs = [k for k, piece in enumerate(pieces) if piece.span.kind == "sign"]
     rotations = [piece.clip.local_rotations for piece in pieces[signs[seam] + 1 : signs[seam + 1]]]
     return np.concatenate(rotations) if rotations else np.empty(0)
 

@@ -86,14 +86,15 @@ def write_shapes(
 def splice_line(line: str) -> SpliceResult:
     """Returns a sentence with its face by rule."""
     with open_shipped_lexicon() as lexicon:
-        return splice(words_of(parse(line, lexicon), lexicon.clip), SpliceOptions(face_rules=RULES))
+        words = words_of(parse(line, lexicon), lexicon.clip, owns_of=lexicon.owns)
+        return splice(words, SpliceOptions(face_rules=RULES))
 
 
 def choose_frames(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
     """Returns a sentence, and frames to show of it: each sign, each transition and every blink."""
     result = splice_line(line)
     lids = result.clip.face.of(LIDS)[:, 0] if result.clip.face is not None else np.zeros(len(result.clip))
-    shown_frames = {sum(span.output) // 2: span.name or "transition" for span in result.spans}
+    shown_frames = {sum(s.output) // 2: (s.name or "") if s.kind == "sign" else s.kind for s in result.spans}
     shown_frames |= {k: "blink" for k in range(1, len(lids) - 1) if lids[k] == 1.0 > lids[k - 1]}
     return result.clip, sorted(shown_frames.items())
 

@@ -377,8 +377,9 @@ def make_person_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Se
         *wrap_prose(f"""
             - A hand drops to hang while the other signs {format_range((r.drops for r in rows), ".1f")} times a minute;
               in captured signing 2.8 times.
-            - The head turns by {format_range((r.head_spread for r in rows), ".1f")} degrees rms, people's by 9 to 12.
-              The mouth moves in {100 * max(r.mouth for r in rows):.0f} % of the frames.
+            - The head turns by {format_range((r.head_spread for r in rows), ".1f")} degrees rms, people's by 9 to 12,
+              and at most at {max(r.head_peak for r in rows):.0f} degrees/s in seams of words that do not move it.
+            - The mouth moves in {100 * max(r.mouth for r in rows):.0f} % of the frames.
             - A seam with an idle hand takes {format_range(r.idle_seam_s for r in rows)} s, another
               {format_range(r.other_seam_s for r in rows)} s.
         """),
@@ -386,7 +387,7 @@ def make_person_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Se
         *format_measures(MEASURES, rows),
         "",
         *wrap_prose("""
-            Five sentences of seven words of each kind. What counts as idle, raised and hanging, and the figures of
+            Seven sentences of seven words of each kind. What counts as idle, raised and hanging, and the figures of
             captures, are in `measure/person.py`; `signsplice evaluate person --clips FILE` measures a recording.
         """),
     ]
@@ -447,7 +448,7 @@ PAGES = {
         make_bodies_page,
     ),
     "tempo": Page({"tempo": "evaluate tempo 40 --json"}, {"tempo": "evaluate tempo 7 --json"}, make_tempo_page),
-    "person": Page({"person": "evaluate person 5 --json"}, {"person": "evaluate person 1 --json"}, make_person_page),
+    "person": Page({"person": "evaluate person 7 --json"}, {"person": "evaluate person 1 --json"}, make_person_page),
     "bench": Page({"bench": "bench --repeats 15 --json"}, {"bench": "bench --repeats 3 --json"}, make_bench_page),
 }
 

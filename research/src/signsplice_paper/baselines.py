@@ -152,7 +152,9 @@ class TrueAnswers:
 
 
 class DefaultAnswers:
-    """Predicts the result of ``signsplice splice`` without options, which is tuned for a viewer's comfort."""
+    """Predicts the result of ``signsplice splice`` without options, which is tuned for a viewer's comfort; without the
+    motion that no word owns (``splicing.person``).
+    """
 
     def __init__(self, pairs: Pairs) -> None:
         self.pairs = pairs
@@ -160,7 +162,8 @@ class DefaultAnswers:
     def __call__(self, number: int) -> Prediction:
         """Returns the prediction for a pair."""
         p, q = self.pairs.index[number, :2].tolist()
-        result = ss.splice([self.pairs.word_clip(p), self.pairs.word_clip(q)])
+        words = [self.pairs.word_clip(p), self.pairs.word_clip(q)]
+        result = ss.splice(words, ss.SpliceOptions(free_hand="transition", person=0.0))
         seam = result.seams[0]
         transition = next(span.output for span in result.spans if span.kind == "transition")
         return make_prediction(

@@ -117,7 +117,8 @@ def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
 def pairs(
     glosses: Sequence[str], count: int | None = None, seed: int = 0, dials: Mapping[str, Any] | None = None
 ) -> Iterator[pa.RecordBatch]:
-    """Yield all ordered pairs of different glosses, or ``count`` of them drawn by ``seed``, without repeats.
+    """Yield all ordered pairs of different glosses, or ``count`` of them drawn by ``seed``, without repeats. Each has
+    that seed.
 
     All pairs come tile by tile, so that any thousand successive pairs have few words. Raises ``InputError`` if there
     are fewer than ``count``.
@@ -125,7 +126,6 @@ def pairs(
     n, n_pairs = len(glosses), len(glosses) * (len(glosses) - 1)
     if count is None or count == n_pairs:
         ranks: Iterator[np.ndarray[Any, Any]] = _tiles(n)
-        seed = 0
     elif 1 <= count <= n_pairs:
         draw = np.random.default_rng(seed).choice(n_pairs, count, replace=False, shuffle=False)
         ranks = iter([np.sort(draw)])

@@ -225,10 +225,14 @@ def read_job(out: Path) -> BulkJob:
 
 
 def hash_of_words(words: Lexicon) -> str:
-    """Return the hash of everything that a splice reads of a lexicon: glosses, synonyms, signers, rates and motions."""
+    """Return the hash of everything that a splice reads of a lexicon: glosses, synonyms, signers, rates, motions and
+    owned channels.
+    """
     digest = hashlib.sha256()
     for entry in (entry for source in words.sources for entry in source.entries()):
-        digest.update(json.dumps([entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]).encode())
+        owns = words.owns(entry.gloss)
+        row = [entry.gloss, entry.kind, entry.synonyms, entry.signer, entry.sha256]
+        digest.update(json.dumps(row if owns is None else [*row, sorted(owns)]).encode())
     return digest.hexdigest()
 
 

@@ -6,6 +6,7 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from signsplice.body.retarget import retarget
@@ -97,6 +98,7 @@ class SentenceMaker:
     def __init__(self, words: Lexicon, bundle: str | None = None, n_words_kept: int = WORDS_KEPT) -> None:
         self.words, self.bundle, self._n_words_kept = words, bundle, n_words_kept
         self._clips: OrderedDict[tuple[str, str], Clip] = OrderedDict()
+        self._owns = lru_cache(n_words_kept)(words.owns)
         self._bodies: dict[str, Clip] = {}
 
     def make(self, recipes: Sequence[SentenceRecipe]) -> list[MadeSentence | FailedSentence]:
@@ -133,7 +135,7 @@ class SentenceMaker:
         tokens = tuple(self._tokens(recipe))
         options = recipe.options(self.bundle)
         options.choose_methods()  # raises for unknown methods
-        words = words_of(tokens, lambda gloss: self._clip(gloss, recipe.signer), recipe.pauses)
+        words = words_of(tokens, lambda gloss: self._clip(gloss, recipe.signer), recipe.pauses, self._owns)
         return _SentenceCall(words, options, tokens)
 
     def clips(self, recipe: SentenceRecipe) -> list[Clip]:

@@ -22,10 +22,13 @@ from signsplice.formats.atomic import replacing
 from signsplice.formats.reading import format_errors, open_file
 from signsplice.splicing.faces import RULES
 from signsplice.splicing.options import SpliceOptions
+from signsplice.splicing.person import NATURAL
 
 SUFFIXES = (".parquet", ".csv")
 ROWS = 65_536
 """Number of recipes of a batch, and of a row group of a file."""
+_ADDED_LATER = ("face_rules", "system", "person")
+"""Fields that earlier versions did not have."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +38,10 @@ class SentenceRecipe:
     glosses: words of the lexicon in order; others are spelled, see ``spell``. Compounds are not recognised.
     signer: one of the lexicon's signers, to whose body clips of other signers are retargeted. Empty: clips stay as
         they are, on the body of the first.
-    seed: of the draw of the recipe. Splicing itself is not random.
+    seed: of the draw of the recipe, and ``SpliceOptions.seed`` of its sentence. Movements by it differ between
+        sentences of one seed, since they depend on each word and its place too.
     transition_time: seconds, or the name of a rule.
-    sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions: as in ``SpliceOptions``.
+    sign_speed, tempo, fps, cutter, transition, free_hand, avoid_collisions, person: as in ``SpliceOptions``.
     system: name of a system that joins whole words, in place of cutter, transition and their options.
     spell: whether to spell words that the lexicon lacks; otherwise the row fails.
     pauses: whether to hold signs at the punctuation after their gloss: "HELLO,".
@@ -53,17 +57,20 @@ class SentenceRecipe:
     fps: float | None = None
     cutter: str | None = None
     transition: str | None = None
-    free_hand: str = "transition"
+    free_hand: str = NATURAL
     avoid_collisions: bool | None = None
     spell: bool = True
     pauses: bool = True
     face_rules: bool = False
     system: str | None = None
+    person: float = 1.0
 
     @property
     def sha256(self) -> str:
-        """Hash of all fields; includes ``face_rules`` and ``system``, which were added later, only if they are set."""
-        values = {name: value for name, value in asdict(self).items() if value or name not in ("face_rules", "system")}
+        """Hash of all fields; includes those that were added later, ``_ADDED_LATER``, only if they are set."""
+        values = {
+            name: value for name, value in asdict(self).items() if name not in _ADDED_LATER or value != _DEFAULTS[name]
+        }
         return hashlib.sha256(json.dumps(values, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
 
     def options(self, bundle: str | None) -> SpliceOptions:
@@ -72,13 +79,14 @@ class SentenceRecipe:
             seconds, rule = float(self.transition_time), "auto"
         except ValueError:
             seconds, rule = None, self.transition_time
-        names = ("cutter", "transition", "sign_speed", "tempo", "fps", "avoid_collisions", "free_hand", "system")
-        same = {name: getattr(self, name) for name in names}
+        names = ("cutter", "transition", "sign_speed", "tempo", "fps", "avoid_collisions", "free_hand", "person")
+        same = {name: getattr(self, name) for name in (*names, "seed", "system")}
         rules = RULES if self.face_rules else ()
         return SpliceOptions(**same, duration=rule, bundle=bundle, transition_time=seconds, face_rules=rules)
 
 
-_TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64(), "sign_speed": pa.float64(), "fps": pa.float64()}
+_TYPES = {"glosses": pa.list_(pa.string()), "seed": pa.int64()}
+_TYPES |= dict.fromkeys(("sign_speed", "fps", "person"), pa.float64())
 _TYPES |= dict.fromkeys(("avoid_collisions", "spell", "pauses", "face_rules"), pa.bool_())
 _DEFAULTS: Mapping[str, Any] = {row.name: row.default for row in fields(SentenceRecipe)} | {"glosses": None}
 SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in _DEFAULTS])

@@ -12,7 +12,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEED, combine_options, option, preset
+from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEEDS, combine_options, option, preset
 from signsplice.cli.terminal import require, size, warn
 from signsplice.errors import InputError
 
@@ -30,12 +30,14 @@ _DIALS = {
     "--fps": "N",
     "--cutter": "NAME",
     "--transition": "NAME",
-    "--free-hand": "transition|natural",
+    "--free-hand": "natural|transition",
+    "--person": "X",
     "--system": "NAME",
 }
 _AS_THERE = "As of `sentence`."
 _STORE = "Clips and reports in tar files; or recipes and hashes alone, from which `bulk make` makes any row."
 _FORMAT = "Of the clips; npz32: rounded by up to 0.002 degrees and 0.06 mm, a third of the size."
+_SEED = preset("--seed", 0, "N", "Seed of the draw, and that of `sentence` in each recipe.", type=SEEDS)
 _POSES = "Positions of joints and annotations beside each clip, for sign-language-data-loading."
 
 
@@ -84,7 +86,7 @@ def number(name: str, text: str) -> float:
         raise InputError(f"--{name.strip('-').replace('_', '-')} {text!r:.40}, expected a number") from None
 
 
-_RANGED = ("transition_time", "sign_speed", "tempo", "fps")
+_RANGED = ("transition_time", "sign_speed", "tempo", "fps", "person")
 """Dials that may be ranges when recipes are drawn."""
 
 
@@ -110,7 +112,7 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @option("--count", "N", "How many recipes to draw.  [default: 1000]", type=int)
 @option("--words", "A:B", "Words of a sentence, least and most.  [default: 3:10]")
 @option("--signer signers", "NAME", "Who signs; given again, each recipe draws one.", multiple=True)
-@SEED
+@_SEED
 @DROP_FUNCTION_WORDS
 @dial_options
 def recipes(
@@ -143,7 +145,7 @@ def recipes(
                 raise InputError(
                     f"{lines}: lines are taken as they are, expected no --count, --words, range or second --signer"
                 )
-            chosen = fixed | ({"signer": signers[0]} if signers else {})
+            chosen = fixed | {"seed": seed} | ({"signer": signers[0]} if signers else {})
             batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words)
             warn(warnings)
             recipe_batches: Iterable[pa.RecordBatch] = batches
@@ -178,7 +180,7 @@ def sentences(recipes: str, **options: Any) -> None:
 
 @bulk.command()
 @option("--count", "N", "How many, drawn by seed without repeats.  [default: all]", type=int)
-@SEED
+@_SEED
 @run_options
 @dial_options
 def pairs(count: int | None, seed: int, **options: Any) -> None:
@@ -189,7 +191,7 @@ def pairs(count: int | None, seed: int, **options: Any) -> None:
     _require_extra()
     from signsplice.bulk import drawing
 
-    names = ("transition_time", "sign_speed", "tempo", "fps", "cutter", "transition", "free_hand", "system")
+    names = [name.removeprefix("--").replace("-", "_") for name in _DIALS]
     dials = {name: options.pop(name) for name in (*names, "avoid_collisions", "spell", "pauses", "face_rules")}
     ranges, fixed = _ranges(dials)
     if ranges:
@@ -258,7 +260,7 @@ def _ranges(dials: Mapping[str, Any]) -> tuple[dict[str, tuple[float, float]], d
     chosen = {name: value for name, value in dials.items() if value is not None}
     ranges = {name: span(name, chosen[name]) for name in _RANGED if ":" in chosen.get(name, "")}
     fixed = {name: value for name, value in chosen.items() if name not in ranges}
-    for name in ("sign_speed", "fps"):
+    for name in ("sign_speed", "fps", "person"):
         if name in fixed:
             fixed[name] = number(name, fixed[name])
     for ends in zip(*([(name, value) for value in ends] for name, ends in ranges.items()), strict=True):

@@ -60,4 +60,5 @@ DROP_FUNCTION_WORDS = flag(
     "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
 )
 ROLES = option("--roles", "FILE", "JSON of role -> joint name, for rigs not known by name.")
-SEED = preset("--seed", 0, "N", "Seed of the draw.", type=click.IntRange(0, 2**63 - 1))
+SEEDS = click.IntRange(0, 2**63 - 1)
+SEED = preset("--seed", 0, "N", "Seed of the draw.", type=SEEDS)

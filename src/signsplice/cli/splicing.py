@@ -33,6 +33,7 @@ from signsplice.cli.options import (
     BUNDLE,
     DROP_FUNCTION_WORDS,
     LEXICONS,
+    SEEDS,
     combine_options,
     flag,
     option,
@@ -85,10 +86,17 @@ _splicing_options = combine_options(
     option("--fps", "N", "Output frame rate.  [default: that of the first clip]", type=float),
     preset(
         "--free-hand",
-        "transition",
-        "transition|natural",
-        "Time of a hand that only goes to rest or comes from it: the transition's, or frames of the sign too.",
+        "natural",
+        "natural|transition",
+        "An arm without a sign: it stays up and sinks late and slowly, or falls and rises within the transitions.",
     ),
+    preset(
+        "--person",
+        1.0,
+        "X",
+        "How much head, trunk and gaze move where no sign moves them: 0, not at all, to 1, nearly as people's do.",
+    ),
+    preset("--seed", 0, "N", "Another N gives other movements of arms, head and trunk without a sign.", type=SEEDS),
     option(
         "--system",
         "lptransformer|lpt-plus|DIR",
@@ -140,6 +148,12 @@ def splice(
     "Blinks, and brows of questions, in words without a face of their own.  [default: unless OUT is a .bvh]",
     default=None,
 )
+@option(
+    "--mouthing",
+    "FILE",
+    "Guess mouths of faces by rule from a pronunciation dictionary in the format of CMUdict (BSD-style licence, "
+    "https://github.com/cmusphinx/cmudict). Signers of ASL mouth few words whole; no signer has judged it.",
+)
 @_splicing_options
 def sentence(
     glosses: tuple[str, ...],
@@ -150,6 +164,7 @@ def sentence(
     drop_function_words: bool,
     no_pauses: bool,
     face_rules: bool | None,
+    mouthing: str | None,
     output: str,
     roles: str | None,
     **others: Any,
@@ -161,21 +176,22 @@ def sentence(
     from signsplice.splicing.word import words_of
 
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
-    read = partial(_splice_options, face_rules=RULES if has_rules else ())
-    target, options = _begin(read, [roles, fallback], output, **others)
+    read = partial(_splice_options, face_rules=RULES if has_rules else (), mouthing=mouthing)
+    target, options = _begin(read, [roles, fallback, mouthing], output, **others)
     began = time.perf_counter()
     with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(token_glosses(units))}
+        owns = {gloss: words.owns(gloss) for gloss in clips}
     if roles is not None:
         clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
     clips = {gloss: apply_rest_pose(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
-    result = engine.splice(words_of(units, clips.__getitem__, not no_pauses), options)
+    result = engine.splice(words_of(units, clips.__getitem__, not no_pauses, owns.get), options)
     report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
     target.deliver(result, load_ms, report_keys)
 

@@ -24,6 +24,7 @@ from signsplice.formats.roles import with_roles
 from signsplice.lexicon.builder import PreparedWord, SharedSkeletons, building, check_target, prepare
 from signsplice.lexicon.gloss import gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
+from signsplice.lexicon.store import owns_extension
 from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
@@ -145,7 +146,7 @@ def build(
                 row = file.row
                 entry = builder.add(
                     word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
-                    checked=row.checked,
+                    checked=row.checked, extensions=owns_extension(row.owns),
                 )  # fmt: skip
                 n_letters += entry.kind == "letter"
             elif skip_broken or recipe:
@@ -160,7 +161,8 @@ def build(
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
                 gloss = builder.free(gloss_of(sign.gloss))
-                builder.add(word, gloss, signer=signer, source=Path(sign.where.file).name)
+                extensions = _extensions(sign, lenient)
+                builder.add(word, gloss, signer=signer, source=Path(sign.where.file).name, extensions=extensions)
             else:
                 leave_out(word)
         if not builder.n_words:
@@ -275,6 +277,12 @@ def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord |
         return replace(prepare(clip, form), warnings=lines)
     except InputError as error:
         return str(error)
+
+
+def _extensions(sign: WrittenSign, lenient: bool) -> dict[str, bytes]:
+    from signsplice.written import signing
+
+    return owns_extension(signing.owned_channels(sign, lenient))
 
 
 def _prepare_file(task: FileTask) -> tuple[PreparedWord | str, ...]:

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of
-from signsplice.lexicon.store import BUILD_HINT, SourceWord, StoredWords
+from signsplice.lexicon.store import BUILD_HINT, OWNS, REBUILD, SourceWord, StoredWords, owns_extension
 from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
+from signsplice.rig.roles import CHANNELS
 
 if TYPE_CHECKING:
     from signsplice.signer.phonology import Sign
@@ -176,6 +177,16 @@ class Lexicon:
         """
         return self._word(gloss).extensions()
 
+    def owns(self, gloss: str) -> frozenset[str] | None:
+        """Return the channels of the word's own for a gloss or synonym, some of ``roles.CHANNELS``; None if a rule
+        decides. Ignores channels of newer versions. Raises ``UnknownGlossError``, or ``InputError`` for damaged bytes.
+        """
+        stored = self.extensions(gloss).get(OWNS)
+        try:
+            return None if stored is None else frozenset(CHANNELS).intersection(stored.decode().split(";"))
+        except UnicodeDecodeError as error:
+            raise InputError(f"{self.where}: the channels of the word {gloss[:40]!r} are damaged; {REBUILD}") from error
+
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Return up to ``n`` glosses and synonyms most similar to ``gloss``: first those that contain it between
         hyphens, then those of at least ``similarity``, best first; letters only if ``gloss`` begins as they do.
@@ -264,12 +275,21 @@ class SignedWords(Source, Generic[SignT]):
     def make_clip(self, sign: SignT) -> tuple[Clip, str, str]:
         """Return the clip of a sign, its signer and its source."""
 
+    @abstractmethod
+    def owned_channels(self, sign: SignT) -> frozenset[str]:
+        """Return the channels that are a sign's own."""
+
     def find(self, name: str) -> SourceWord | None:
         """Return the word that a name stands for, or None."""
         sign = self._find_sign(name)
         if sign is None:
             return None
-        return SourceWord(gloss_of(sign.gloss), lambda: self._make(sign)[0], lambda: self._make(sign)[1])
+        return SourceWord(
+            gloss_of(sign.gloss),
+            lambda: self._make(sign)[0],
+            lambda: self._make(sign)[1],
+            lambda: owns_extension(self.owned_channels(sign)),
+        )
 
     def _make_word(self, sign: SignT) -> tuple[Entry, Clip]:
         from signsplice.lexicon.builder import prepare
@@ -316,6 +336,12 @@ class FormsOfSigns(SignedWords["Sign"]):
         clip = copy_unchecked(signed_word.clip, skeleton=words.clip(words.glosses[0]).skeleton)
         return clip, signed_word.signer.name, sign.source
 
+    def owned_channels(self, sign: Sign) -> frozenset[str]:
+        """Return the channels that are a form's own."""
+        from signsplice.signer import phonology
+
+        return phonology.owned_channels(sign)
+
 
 class WrittenWords(SignedWords["WrittenSign"]):
     """The signs of a file or folder of written signs (SiGML, HamNoSys)."""
@@ -338,6 +364,12 @@ class WrittenWords(SignedWords["WrittenSign"]):
         from signsplice.written import signing
 
         return signing.animate_sign(sign), "", str(self.path)
+
+    def owned_channels(self, sign: WrittenSign) -> frozenset[str]:
+        """Return the channels that are a sign's own."""
+        from signsplice.written import signing
+
+        return signing.owned_channels(sign)
 
 
 def open_lexicon(

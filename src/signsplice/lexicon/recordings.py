@@ -23,10 +23,11 @@ from signsplice.formats import READ_SUFFIXES
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.gloss import fold, gloss_of, kind_of
+from signsplice.rig.roles import CHANNELS
 
 TABLE = "glosses.csv"
 COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
-           "face")  # fmt: skip
+           "face", "owns")  # fmt: skip
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
@@ -39,6 +40,7 @@ class GlossRow:
     line: line number in the table, 0 without a table.
     span: start and end of the word, seconds; None if it begins or ends with the clip.
     face: path of the clip's face, relative to the folder.
+    owns: channels of the word's own, some of ``CHANNELS``; None if a rule decides.
     """
 
     file: str
@@ -51,14 +53,15 @@ class GlossRow:
     line: int = 0
     span: tuple[float | None, float | None] = (None, None)
     face: str = ""
+    owns: frozenset[str] | None = None
 
 
 def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
     """Read the rows of a table, and its faults as lines ``FILE:LINE: actual, expected``.
 
-    The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms are separated by
-    ``;``; checked is yes or no; a file may have several rows with different start or end. Raises ``InputError`` if the
-    file cannot be read, ``FormatError`` if its header is wrong.
+    The table is UTF-8 with commas and a header of ``file`` and any other of ``COLUMNS``; synonyms and channels are
+    separated by ``;``; checked is yes or no; a file may have several rows with different start or end. Raises
+    ``InputError`` if the file cannot be read, ``FormatError`` if its header is wrong.
     """
     file = str(path)
     try:
@@ -122,12 +125,21 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         line=line,
         span=(_seconds(fields["start"]), _seconds(fields["end"])),
         face=_path(fields["face"]),
+        owns=_channels(fields["owns"]),
     )
 
 
 def _path(cell: str) -> str:
     """Return a path relative to the folder, with forward slashes."""
     return cell.replace("\\", "/").removeprefix("./")
+
+
+def _channels(cell: str) -> frozenset[str] | None:
+    """Return the channels in a cell; None if it is empty."""
+    names = {name.strip() for name in cell.lower().split(";")} - {""}
+    if names - {*CHANNELS} and names != {"none"}:
+        raise InputError(f"owns {cell[:40]!r}, expected none or some of {', '.join(CHANNELS)}, separated by ;")
+    return frozenset(names - {"none"}) if names else None
 
 
 def _seconds(cell: str) -> float | None:

@@ -31,11 +31,14 @@ from signsplice.lexicon.gloss import KINDS, Entry, fold
 from signsplice.motion import Clip, Skeleton
 from signsplice.progress import Progress
 from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.roles import CHANNELS
 
 INDEX = "index.sqlite"
 VERSION = 2
 APPLICATION_ID = 0x53_50_4C_58
 """SQLite's application id in the file's header, which identifies a lexicon's index."""
+OWNS = "owns"
+"""The extension that holds the channels of a word's own, separated by ``;``."""
 
 _TABLES = (
     "CREATE TABLE lexicon "
@@ -492,6 +495,11 @@ def _check_entry(entry: Entry) -> None:
 def describe(skeleton: Skeleton) -> str:
     """Return a skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` if it has too many joints."""
     return json.dumps(skeletons.as_json(skeleton))
+
+
+def owns_extension(owns: frozenset[str] | None) -> dict[str, bytes]:
+    """Return the extensions of a word whose own channels are ``owns``, some of ``CHANNELS``; none if a rule decides."""
+    return {} if owns is None else {OWNS: ";".join(sorted(owns, key=CHANNELS.index)).encode()}
 
 
 def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, bytes]) -> bytes:

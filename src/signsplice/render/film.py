@@ -82,16 +82,14 @@ def _pictures(
         page = pillow_image.new("RGB", size, PAPER)
         page.paste(pillow_image.fromarray(draw(scene, frame, width, height - bar)), (0, 0))
         pen = pillow_draw.Draw(page)
-        text, in_transition = caption(marks, frame)
-        if in_transition:  # around the picture only: the timeline below stays visible
+        text, ink = caption(marks, frame)
+        if ink == TRANSITION:  # around the picture only: the timeline below stays visible
             pen.rectangle((0, 0, width - 1, height - bar - 1), outline=TRANSITION, width=max(2, width // 160))
-        ink = TRANSITION if in_transition else INK
         write_line(pen, text, 0.5 * width, height - bar + 2, width - 16, ink, bar // 2)
         timeline_px = max(8, height // 90)
         for mark in marks:
             x0, x1 = (round(width * edge / len(clip)) for edge in (mark.start, mark.stop))
-            colour = TRANSITION if mark.kind == "transition" else SIGN
-            pen.rectangle((x0, height - timeline_px, max(x1 - 1, x0), height - 1), fill=colour)
+            pen.rectangle((x0, height - timeline_px, max(x1 - 1, x0), height - 1), fill=mark.colour)
         playhead_x = round(width * (frame + 0.5) / len(clip))
         pen.rectangle(
             (playhead_x - timeline_px // 4, height - timeline_px * 3 // 2, playhead_x + timeline_px // 4, height - 1),

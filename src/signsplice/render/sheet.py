@@ -49,6 +49,8 @@ SIGN = (108, 128, 160)
 """Colour of signs."""
 TRANSITION = (222, 142, 32)
 """Colour of transitions."""
+RETRACTION = (176, 184, 198)
+"""Colour of a sentence's retraction: ``SIGN`` half as strong."""
 
 _FONTS = ("NotoSans-Regular.ttf", "DejaVuSans.ttf", "Arial Unicode.ttf", "arial.ttf", "Arial.ttf")
 """System fonts for letters beyond ASCII, in order of preference."""
@@ -58,7 +60,7 @@ _FONTS = ("NotoSans-Regular.ttf", "DejaVuSans.ttf", "Arial Unicode.ttf", "arial.
 class Mark:
     """A span of frames to mark.
 
-    kind: "sign" or "transition".
+    kind: "sign", "transition" or "retraction".
     name: the word, may be empty.
     start: first frame.
     stop: frame after the last.
@@ -68,6 +70,11 @@ class Mark:
     name: str
     start: int
     stop: int
+
+    @property
+    def colour(self) -> tuple[int, int, int]:
+        """Its colour in a time line."""
+        return {"transition": TRANSITION, "retraction": RETRACTION}.get(self.kind, SIGN)
 
 
 def pillow(module: str) -> ModuleType:
@@ -83,15 +90,17 @@ def mark_at(marks: Sequence[Mark], frame: int) -> Mark | None:
     return next((mark for mark in marks if mark.start <= frame < mark.stop), None)
 
 
-def caption(marks: Sequence[Mark], frame: int) -> tuple[str, bool]:
-    """Returns the caption of a frame (the word, or the words before and after) and whether it is in a transition."""
+def caption(marks: Sequence[Mark], frame: int) -> tuple[str, tuple[int, int, int]]:
+    """Returns the caption of a frame (the word, or the words before and after) and its colour: ``TRANSITION`` in a
+    transition, ``SIGN`` in a retraction, else ``INK``.
+    """
     mark = mark_at(marks, frame)
     if mark is None or mark.kind != "transition":
-        return (mark.name if mark is not None else ""), False
+        return (mark.name, SIGN if mark.kind == "retraction" else INK) if mark is not None else ("", INK)
     around = mark_at(marks, mark.start - 1), mark_at(marks, mark.stop)
     if mark.name or not all(around):
-        return mark.name or "transition", True
-    return " > ".join(side.name for side in around if side is not None), True
+        return mark.name or "transition", TRANSITION
+    return " > ".join(side.name for side in around if side is not None), TRANSITION
 
 
 def write_line(
@@ -140,15 +149,15 @@ def write_sheet(clip: Clip, scene: Scene, path: Path, marks: Sequence[Mark], pro
     for n, frame in enumerate(track_progress(frames, progress)):
         x, y = n % columns * w + gap // 2, n // columns * h + gap // 2
         sheet.paste(image_.fromarray(draw(scene, frame, width, height)), (x, y))
-        text, in_transition = caption(marks, frame)
-        ink, centre, below = TRANSITION if in_transition else INK, x + 0.5 * width, y + height
+        text, ink = caption(marks, frame)
+        centre, below = x + 0.5 * width, y + height
         write_line(pen, text, centre, below + 2, width - gap, ink, 15)
         write_line(pen, f"frame {frame}   {frame / clip.fps:.2f} s", centre, below + line, width - gap, INK, 13)
         if hands:  # the signer's right hand on the left, as in the picture
             for side, hand_x in (("right", x + 1), ("left", x + width - _LAYOUT.hand_px - 1)):
                 enlarged = image_.fromarray(draw_hand(scene, frame, side, _LAYOUT.hand_px))
                 sheet.paste(enlarged, (hand_x, below + 2 * line))
-        if in_transition:
+        if ink == TRANSITION:
             pen.rectangle((x - 2, y - 2, x + w - gap + 1, y + h - gap + 1), outline=TRANSITION, width=3)
     sheet.save(path, format="PNG")
 

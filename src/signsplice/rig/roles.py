@@ -37,6 +37,8 @@ JAW = "jaw/jawroot"
 """The same for the jaw."""
 SIDES = ("left", "right")
 """Left and right, as role names begin; arrays of both hands have them in this order."""
+CHANNELS = ("left arm", "right arm", "trunk", "head")
+"""Parts of a person that a word may move; an arm is all joints from the collar bone to the fingertips."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from signsplice.formats import WIRE_SUFFIXES
 from signsplice.lexicon import sentence
 from signsplice.splicing import engine, result, seam
 from signsplice.splicing.durations import DURATIONS, FASTEST_S, SLOWEST_S
-from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
 from signsplice.splicing.lptransformer import SHIPPED
 from signsplice.splicing.options import AUTO
+from signsplice.splicing.person import FREE_HANDS, NATURAL
 
 FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
 """Names of the file formats that the service accepts and sends."""
@@ -108,7 +108,9 @@ class Dials:
     tempo: signs as recorded, at the tempo of running signing, or the seconds that a sign takes with its transition.
     fps: frame rate of the output; null for that of the first clip.
     avoid_collisions (in JSON: body_sense): lead hands around the body; null: if the transition is learned.
-    free_hand: what time a hand has that only goes to rest, or comes from it: the transition's, or as much as it needs.
+    free_hand: what an arm without a sign does: stay up and sink late and slowly, or fall and rise within transitions.
+    person: how much head, trunk and gaze move where no sign moves them: 0, not at all, to 1, nearly as people's do.
+    seed: another one gives other movements of arms, head and trunk without a sign.
     system: a system that joins whole words, in place of cutter, transition and what goes with them.
     """
 
@@ -121,7 +123,9 @@ class Dials:
     tempo: Literal["citation", "natural"] | SecondsASign = "citation"
     fps: Annotated[float, Field(ge=1.0, le=240.0, allow_inf_nan=False)] | None = None
     avoid_collisions: Annotated[bool | None, Field(alias="body_sense")] = None
-    free_hand: FreeHand = TRANSITION
+    free_hand: FreeHand = NATURAL
+    person: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 1.0
+    seed: Annotated[int, Field(ge=0, lt=2**53)] = 0
     system: SystemName | None = None
 
 

@@ -72,6 +72,7 @@ class _WorkerState:
     """State of a worker process between jobs.
 
     clip: reads and caches words of the lexicon, with the features that networks computed of them.
+    owns: reads and caches the channels of their own.
     avatar: reads and caches avatars of the settings by name.
     streams: growing sentences, by the key of their stream.
     """
@@ -80,6 +81,7 @@ class _WorkerState:
         self.settings = settings
         self.lexicon: Lexicon = open_lexicon(*settings.lexicons)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
+        self.owns = lru_cache(_N_CACHED_CLIPS)(self.lexicon.owns)
         self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
         self.streams: dict[str, _OpenStream] = {}
 
@@ -144,7 +146,8 @@ def splice_glosses(
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
     token_glosses(units)  # raises if every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
-    return _answer(words_of(units, _worker.clip, request.pauses), request, file, units, avatar)
+    words = words_of(units, _worker.clip, request.pauses, _worker.owns)
+    return _answer(words, request, file, units, avatar)
 
 
 def splice_files(
@@ -268,7 +271,8 @@ def add_word(key: str, word: LineGloss) -> list[dict[str, Any] | bytes]:
     n_frames = clip.seconds / options.sign_speed * (options.fps or clip.fps)
     if n_frames > limit:
         raise InputError(f"{word.gloss} has {n_frames:.0f} frames at this speed and rate, expected at most {limit}")
-    return _messages(opened, opened.stream.push(Word(clip, word.starts, word.pause, word.brow)))
+    owns = _worker.owns(word.gloss)
+    return _messages(opened, opened.stream.push(Word(clip, word.starts, word.pause, word.brow, owns)))
 
 
 def end_stream(key: str) -> list[dict[str, Any] | bytes]:

@@ -18,12 +18,12 @@ from signsplice.formats.reading import format_errors, open_file, read_bytes
 from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.signer import planner
-from signsplice.signer.phonology import Sign
+from signsplice.signer.phonology import Sign, owned_channels
 from signsplice.signer.planner import FPS, IsolatedWord
 from signsplice.signer.signer import STANDARD, Signer, draw_signer, skeleton
 
 GLOSSES = "glosses.csv"
-_COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind")
+_COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "owns")
 NOT_OURS = "the folder is not replaced, choose a new name"
 
 
@@ -35,8 +35,8 @@ def write_lexicon(
     progress: Progress | None = None,
     seen: Callable[[IsolatedWord], None] | None = None,
 ) -> None:
-    """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms and kind; all or nothing.
-    ``seen`` is called with each word.
+    """Write every sign's isolated word as BVH, and ``glosses.csv`` with source, synonyms, kind and owned channels; all
+    or nothing. ``seen`` is called with each word.
 
     Raises ``InputError`` if the folder cannot be written or holds something else, or two glosses share a file name.
     """
@@ -53,7 +53,8 @@ def write_lexicon(
             if seen is not None:
                 seen(word)
             kind = "letter" if sign.kind == "letter" else "sign"
-            rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind))
+            owned = ";".join(sorted(owned_channels(sign, signer)))
+            rows.writerow((name, sign.gloss, ";".join(sign.synonyms), signer.name, sign.source, "no", kind, owned))
         (new_folder / GLOSSES).write_text(table.getvalue(), encoding="utf-8")
 
 
@@ -64,16 +65,17 @@ def _lexicon_files(folder: Path) -> list[str]:
     table = folder / GLOSSES
     with format_errors(str(table), f"table of `synth lexicon`; {NOT_OURS}"):
         rows = list(csv.reader(io.StringIO(read_bytes(table).decode("utf-8"), newline=""), strict=True))
-    if tuple(rows[0] if rows else ()) != _COLUMNS:
+    columns = tuple(rows[0] if rows else ())
+    if columns not in (_COLUMNS, _COLUMNS[:-1]):  # older folders lack the last one
         raise InputError(f"{table}: has other columns than a table of `synth lexicon`; {NOT_OURS}")
     hierarchies: dict[str, bytes | None] = {}
     for line, row in enumerate(rows[1:], 2):
-        words = dict(zip(_COLUMNS, row, strict=False))
+        words = dict(zip(columns, row, strict=False))
         signer = words.get("signer", "")
         if signer not in hierarchies:
             hierarchies[signer] = _hierarchy(signer)
         hierarchy = hierarchies[signer]
-        if len(row) != len(_COLUMNS) or words["checked"] != "no" or hierarchy is None or "/" in words["file"]:
+        if len(row) != len(columns) or words["checked"] != "no" or hierarchy is None or "/" in words["file"]:
             raise InputError(f"{table}:{line}: is no word of `synth lexicon`; {NOT_OURS}")
         path = folder / words["file"]
         if path.exists():

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from signsplice.signer.hand import is_part
 from signsplice.signer.handshapes import is_handshape
+from signsplice.signer.signer import STANDARD, Signer
 from signsplice.signer.tables import Vector, sections
 
 HANDS = {
@@ -288,6 +289,16 @@ class Sign:
     def two_handed(self) -> bool:
         """Whether the weak hand takes part."""
         return self.hands != "one"
+
+
+def owned_channels(sign: Sign, signer: Signer = STANDARD) -> frozenset[str]:
+    """Returns the channels (some of ``roles.CHANNELS``) that are a sign's own if a signer makes it: the strong arm; the
+    weak arm if it takes part or is touched; head and trunk if the sign moves them.
+    """
+    strong, weak = ("left arm", "right arm") if signer.left_handed else ("right arm", "left arm")
+    needs_weak = sign.two_handed or any(on_arm(segment.strong.location) for segment in sign.segments)
+    moved = {part for segment in sign.segments for part in ("head", "trunk") if getattr(segment, part)}
+    return frozenset({strong, *[weak] * needs_weak, *moved, *(gesture.part for gesture in sign.gestures)})
 
 
 def faults(sign: Sign) -> list[str]:

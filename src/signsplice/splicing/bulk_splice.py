@@ -177,7 +177,7 @@ class TransitionCache:
             translations=None if clip.translations is None else np.array(clip.translations),
             channels=None,
         )
-        entry = self._kept[key] = _FilledGap(compact, seam.frame_warnings, seam.depth, seam.peak_m_s)
+        entry = self._kept[key] = _FilledGap(compact, seam.frame_warnings, seam.depth)
         self.nbytes += compact.nbytes + _ENTRY_BYTES
         while self.nbytes > self.most_bytes:
             _, oldest = self._kept.popitem(last=False)
@@ -191,7 +191,6 @@ class _FilledGap(NamedTuple):
     clip: Clip
     warnings: tuple[str, ...]
     depth: float | None
-    peak_m_s: float | None
 
     def apply_to(self, seam: Seam) -> Seam:
         """Returns a planned seam with these frames; its gap must have the same numbers."""
@@ -199,9 +198,7 @@ class _FilledGap(NamedTuple):
         channels = None if before.channels is None else before.channels.forgotten(n_frames)
         clip = copy_unchecked(self.clip, skeleton=before.skeleton, channels=channels)
         gap = seam.gap if n_frames == seam.gap.n_frames else replace(seam.gap, n_frames=n_frames)
-        return replace(
-            seam, gap=gap, frames=clip, frame_warnings=self.warnings, depth=self.depth, peak_m_s=self.peak_m_s
-        )
+        return replace(seam, gap=gap, frames=clip, frame_warnings=self.warnings, depth=self.depth)
 
 
 def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:

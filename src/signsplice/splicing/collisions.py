@@ -73,18 +73,23 @@ class ClearedTransition:
     depth: float | None
 
 
-def avoid_collisions(filled: Clip, before: Clip, after: Clip, fixed: int | None = None) -> ClearedTransition:
+def avoid_collisions(
+    filled: Clip, before: Clip, after: Clip, fixed: int | None = None, most_tries: int = _AVOIDANCE.most_tries
+) -> ClearedTransition:
     """Leads a transition between the last frame of ``before`` and the first of ``after`` around the body; returns it
     unchanged if the rig's arms are not known by name.
 
     fixed: side of an arm that does not move, 0 left or 1 right: the depth of its hand is ignored, and the other hand is
         led around that whole arm too.
+    most_tries: largest number of paths that are tried.
     """
-    return avoid_all_collisions([(filled, before, after)], fixed)[0]
+    return avoid_all_collisions([(filled, before, after)], fixed, most_tries)[0]
 
 
 def avoid_all_collisions(
-    transitions: Sequence[tuple[Clip, Clip, Clip]], fixed: int | None = None
+    transitions: Sequence[tuple[Clip, Clip, Clip]],
+    fixed: int | None = None,
+    most_tries: int = _AVOIDANCE.most_tries,
 ) -> list[ClearedTransition]:
     """``avoid_collisions`` of several transitions, each (``filled``, ``before``, ``after``)."""
     results = [ClearedTransition(filled, None, None) for filled, _, _ in transitions]
@@ -102,16 +107,17 @@ def avoid_all_collisions(
             if not is_near or _worst(depth[frames]) == 0.0:
                 results[k] = ClearedTransition(filled, 0.0, 0.0)
             else:
-                results[k] = _lead_around(filled, before, after, posed[frames], fixed)
+                results[k] = _lead_around(filled, before, after, posed[frames], fixed, most_tries)
     return results
 
 
-def depths(filled: Clip, before: Clip, after: Clip) -> FloatArray:
+def depths(filled: Clip, before: Clip, after: Clip, fixed: int | None = None) -> FloatArray:
     """Returns the depth (n,) of the deeper hand in the body in each frame of a transition, beyond that of both ends, m;
-    0 if no hand is inside.
+    0 if no hand is inside. ``fixed``: as in ``avoid_collisions``.
     """
-    depth, _ = _pose(_window(filled, before, after)).capsules.penetration()
-    return _total_depth(_excess_depth(depth * rig_info(filled.skeleton).sizes.unit.metres).max(axis=1))
+    depth, _ = _pose(_window(filled, before, after), fixed).capsules.penetration()
+    metres = rig_info(filled.skeleton).sizes.unit.metres
+    return _total_depth(_excess_depth(_depths_of(depth, fixed) * metres).max(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,11 +197,13 @@ def _depths_of(depth: FloatArray, fixed: int | None) -> FloatArray:
     return depth if fixed is None else np.where(np.arange(2) == fixed, -np.inf, depth)
 
 
-def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None) -> ClearedTransition:
+def _lead_around(
+    filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None, most_tries: int
+) -> ClearedTransition:
     """``avoid_collisions`` for a posed transition."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least, hold_weight = filled, 0.0, np.inf, 0.0
-    for n in range(_AVOIDANCE.most_tries + 1):
+    for n in range(most_tries + 1):
         if n > 0:
             posed = _pose(_window(filled, before, after), fixed)
         close_pairs = posed.capsules.near_pairs(_AVOIDANCE.listed_travel_m / metres)
@@ -208,7 +216,7 @@ def _lead_around(filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, f
         gained = least - worst
         if gained > 0.0:
             best, least = filled, worst
-        if worst == 0.0 or gained < _AVOIDANCE.least_gain * worst or n == _AVOIDANCE.most_tries:
+        if worst == 0.0 or gained < _AVOIDANCE.least_gain * worst or n == most_tries:
             break
         filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, close_pairs, metres, start, fixed, hold_weight))
     return ClearedTransition(best, first, least)

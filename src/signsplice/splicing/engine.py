@@ -27,7 +27,7 @@ from signsplice.splicing.durations import MAX_TRANSITION_S
 from signsplice.splicing.faces import ease_face
 from signsplice.splicing.options import SpliceOptions, choose
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, fill
-from signsplice.splicing.result import FaceSources, Piece, Span, SpliceResult, measure_tempo
+from signsplice.splicing.result import FaceSources, Piece, PlannedPerson, Span, SpliceResult, measure_tempo
 from signsplice.splicing.seam import ONE_CLIP, Seam, SeamScore, score_seam, seam_positions
 from signsplice.splicing.sentence import Sentence
 from signsplice.splicing.word import AlignedWord, FrameMap, Word, check_list
@@ -52,7 +52,8 @@ def splice(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -
 
 def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult:
     """Joins all pieces of a sentence. Raises ``InputError`` if there are none."""
-    tempo, system = sentence.options.tempo, sentence.options.whole_system
+    options = sentence.options
+    tempo, system = options.tempo, options.whole_system
     if not pieces:
         raise InputError("nothing to splice, expected at least one clip")
     began = perf_counter()
@@ -63,6 +64,10 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         elif span.pause is not None:
             n_held += span.pause.frames[1] - span.pause.frames[0]
     clip = concatenate([piece.clip for piece in pieces], name=" ".join(name for name, _ in signs if name))
+    last = pieces[-1].span
+    if clip.channels is not None and last.kind == "retraction" and last.pause is None:  # its sign's numbers go on
+        starts = tuple(start for start in clip.channels.starts if start != last.output[0])
+        clip = copy_unchecked(clip, channels=replace(clip.channels, starts=starts))
     seconds = sentence.seconds | {"join": sentence.seconds["join"] + perf_counter() - began}
     cutter, transition, bundle = sentence.names
     return SpliceResult(
@@ -77,6 +82,7 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         contacts=sentence.contacts,
         tempo=measure_tempo(signs, clip.fps, tempo),
         face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.face_rules),
+        person=None if system else PlannedPerson(options.person, options.seed, sentence.planned),
         system=None if system is None else system.report_entry(),
     )
 

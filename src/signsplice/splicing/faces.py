@@ -10,7 +10,8 @@ and Hogan 1985), flattened if a coefficient would change from one frame to the n
 **By rule** faces blink, and brows mark questions. The rules follow grammars of ASL; no signer has judged them here.
 Signers blink at the ends of phrases (Baker and Padden 1978; Wilbur 1994, Sign Language Studies 84: 221-240), and people
 otherwise every 3 to 6 s (Bentivoglio et al. 1997, Movement Disorders 12: 1028-1034). Brows are raised over a yes-no
-question and lowered over one with a question word (Baker-Shenk 1983; Liddell 1980), else neutral. The mouth is closed.
+question and lowered over one with a question word (Baker-Shenk 1983; Liddell 1980), else neutral. The mouth is closed,
+or guessed (``mouthing``).
 """
 
 from __future__ import annotations
@@ -206,7 +207,9 @@ BLINKS = "blinks"
 """Rule: faces blink."""
 BROWS = "brows"
 """Rule: brows mark questions."""
-RULES = (BLINKS, BROWS)
+GAZE = "gaze"
+"""Rule: eyes stay on the addressee, and now and then look at the hands (``carriage``)."""
+RULES = (BLINKS, BROWS, GAZE)
 """Names of the rules; each is optional."""
 RAISED = "raised"
 """Brows of a yes-no question."""
@@ -216,8 +219,14 @@ _BROWS = {
     RAISED: {"browInnerUp": 0.7, "browOuterUpLeft": 0.8, "browOuterUpRight": 0.8},
     FURROWED: {"browDownLeft": 0.8, "browDownRight": 0.8},
 }
-CHANNELS = tuple(name for name in ARKIT_CHANNELS if name in (*LIDS, *_BROWS[RAISED], *_BROWS[FURROWED]))
-"""The coefficients of a face by rule, the lids first; all others are at rest."""
+_BROW_CHANNELS = (*_BROWS[RAISED], *_BROWS[FURROWED])
+_EYE_TURNS = {
+    "eyeLookDown": (0, 1.0), "eyeLookUp": (0, -1.0), "eyeLookOutLeft": (1, 1.0), "eyeLookInRight": (1, 1.0),
+    "eyeLookInLeft": (1, -1.0), "eyeLookOutRight": (1, -1.0),
+}  # fmt: skip
+"""Coefficient of an eye (or of both, without the side) -> its axis of ``turn_eyes``, and sign."""
+CHANNELS = tuple(name for name in ARKIT_CHANNELS if name in (*LIDS, *_BROW_CHANNELS))
+"""The coefficients of every face by rule; all others are at rest, unless ``with_rules`` is given them."""
 _GOLDEN_RATIO = 0.6180339887
 """Fractions of its multiples are spread evenly: blinks come at irregular times, the same in every call."""
 
@@ -228,9 +237,10 @@ def check_rules(rules: Sequence[str]) -> None:
         raise InputError(f"face rules {rules!r:.60}, expected some of {', '.join(RULES)}")
 
 
-def with_rules(word: AlignedWord, brow: str | None, is_first: bool) -> AlignedWord:
+def with_rules(word: AlignedWord, brow: str | None, is_first: bool, *others: Face) -> AlignedWord:
     """Returns the word with a face at rest, or with the brows of a question (``RAISED``, ``FURROWED``), which move
-    there from rest in the first word of a sentence; unchanged if it has a face. Raises ``InputError`` for another
+    there from rest in the first word of a sentence; unchanged if it has a face. ``others``: faces over the frames of
+    ``word.retimed`` that add coefficients, the same in all words of a sentence. Raises ``InputError`` for another
     ``brow``.
     """
     if brow is not None and brow not in _BROWS:
@@ -238,21 +248,46 @@ def with_rules(word: AlignedWord, brow: str | None, is_first: bool) -> AlignedWo
     if word.clip.face is not None:
         return word
     shape = _BROWS.get(brow or "", {})
-    weights = np.tile([shape.get(name, 0.0) for name in CHANNELS], (len(word.retimed), 1))
+    known = set(CHANNELS).union(*(face.channels for face in others))
+    channels = tuple(name for name in ARKIT_CHANNELS if name in known)
+    weights = np.tile([shape.get(name, 0.0) for name in channels], (len(word.retimed), 1))
     if is_first:
         weights *= _ramp(len(word.retimed), word.retimed.fps)[:, None]
-    return replace(word, retimed=copy_unchecked(word.retimed, face=Face(CHANNELS, weights)))
+    for face in others:
+        weights += face.of(channels)
+    return replace(word, retimed=copy_unchecked(word.retimed, face=Face(channels, weights)))
+
+
+def open_eyes(n_frames: int) -> Face:
+    """Returns a face whose eyes look straight ahead."""
+    channels = tuple(name for name in ARKIT_CHANNELS if name.startswith("eyeLook"))
+    return Face(channels, np.zeros((n_frames, len(channels))))
+
+
+def turn_eyes(clip: Clip, looks: FloatArray) -> Clip:
+    """Returns a clip whose eyes look farther down and to the left by ``looks`` (T, 2), fractions of their largest
+    turns; unchanged without a face.
+    """
+    face = clip.face
+    if face is None:
+        return clip
+    weights = np.array(face.weights)
+    for name, (axis, sign) in _EYE_TURNS.items():
+        columns = [k for k, channel in enumerate(face.channels) if channel.startswith(name)]
+        weights[:, columns] = np.clip(weights[:, columns] + sign * looks[:, axis, None], 0.0, 1.0)
+    return copy_unchecked(clip, face=Face(face.channels, weights))
 
 
 def relax_brows(piece: Piece) -> Piece:
     """Returns the last piece of a sentence with its brows relaxed after its pause, or at its end."""
-    weights, fps, pause = np.array(_face(piece.clip).weights), piece.clip.fps, piece.span.pause
+    face, fps, pause = _face(piece.clip), piece.clip.fps, piece.span.pause
+    weights, brows = np.array(face.weights), _columns(face, _BROW_CHANNELS)
     most_held = len(weights) - round(_RULE_TIMES.brow_ramp_s * fps)
     n_held = most_held if pause is None else pause.frames[1] - pause.frames[0]
     n_held = max(0, min(n_held, most_held))
-    weights[n_held:, len(LIDS) :] *= 1.0 - _ramp(len(weights) - n_held, fps)[:, None]
-    weights[-1, len(LIDS) :] = 0.0
-    return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights)))
+    weights[n_held:, brows] *= 1.0 - _ramp(len(weights) - n_held, fps)[:, None]
+    weights[-1, brows] = 0.0
+    return replace(piece, clip=copy_unchecked(piece.clip, face=Face(face.channels, weights)))
 
 
 def _ramp(n_frames: int, fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -285,12 +320,13 @@ class Blinks:
             start = 0 if piece.span.pause is not None else max(0, room - round(_RULE_TIMES.last_blink_s * fps))
         if not 0 <= start <= room:
             return piece, self
-        weights = np.array(_face(piece.clip).weights)
-        weights[start : start + len(lids), : len(LIDS)] = lids[:, None]
+        face = _face(piece.clip)
+        weights = np.array(face.weights)
+        weights[start : start + len(lids), _columns(face, LIDS)] = lids[:, None]
         n, blinked_s = self.n + 1, (first + start) / fps
         added_s = _RULE_TIMES.added_blink_interval_s * (n * _GOLDEN_RATIO % 1.0)
         after = Blinks(blinked_s + _RULE_TIMES.least_blink_interval_s + added_s, n)
-        return replace(piece, clip=copy_unchecked(piece.clip, face=Face(CHANNELS, weights))), after
+        return replace(piece, clip=copy_unchecked(piece.clip, face=Face(face.channels, weights))), after
 
 
 def _lids(fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -303,5 +339,9 @@ def _lids(fps: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 def _face(clip: Clip) -> Face:
     assert clip.face is not None
-    assert clip.face.channels == CHANNELS, "a face by rule"
+    assert set(CHANNELS) <= set(clip.face.channels), "a face by rule"
     return clip.face
+
+
+def _columns(face: Face, names: Sequence[str]) -> list[int]:
+    return [face.channels.index(name) for name in names]

@@ -258,7 +258,7 @@ class ReformLetters(Pass):
     def change(self, seam: Seam) -> Seam:
         """Returns the seam with other new frames, led around the body if they were before."""
         new = reform_letter(seam.new_frames, seam.before.clip)
-        seam = replace(seam, frames=new, peak_m_s=None)
+        seam = replace(seam, frames=new)
         return seam if seam.depth is None else AvoidCollisions().change(seam)
 
 
@@ -326,7 +326,8 @@ class MoveFingers(Pass):
         no free finger has to move, a name is not a letter of the American alphabet, or both hands are raised.
         """
         cut, before, after = seam.retimed_cut, seam.before_clip, seam.after_clip
-        side = spelling_side(arms(before), cut.pre, arms(after), cut.post)
+        recorded = seam.before.recorded or before, seam.after.recorded or after  # an idle arm may be planned
+        side = spelling_side(arms(recorded[0]), cut.pre, arms(recorded[1]), cut.post)
         if side is None:
             return seam
         new = np.array(seam.new_frames.local_rotations)  # (n, J, 4)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
@@ -27,7 +27,6 @@ from signsplice.splicing.durations import (
     seconds_a_sign,
 )
 from signsplice.splicing.faces import check_rules
-from signsplice.splicing.idle_hands import FREE_HANDS, TRANSITION
 from signsplice.splicing.learned import (
     FLUENT,
     NAME,
@@ -37,7 +36,11 @@ from signsplice.splicing.learned import (
     open_sessions,
 )
 from signsplice.splicing.lptransformer import SHIPPED, open_system
+from signsplice.splicing.person import FREE_HANDS, NATURAL
 from signsplice.splicing.systems import WholeSystem, check_alone
+
+if TYPE_CHECKING:
+    from signsplice.splicing.mouthing import Pronunciations
 
 AUTO = "auto"
 """The name of the default duration."""
@@ -178,6 +181,7 @@ def all_methods() -> list[tuple[str, Method, bool]]:
 
 _DECIDED_BY_SYSTEM = (
     "cutter", "transition", "duration", "bundle", "transition_time", "tempo", "avoid_collisions", "free_hand",
+    "person", "mouthing",
 )  # fmt: skip
 
 
@@ -194,17 +198,21 @@ class SpliceOptions:
         transition. Holds and slow parts are shortened to reach it, as far as human speeds allow.
     fps: output rate; None: the first clip's.
     avoid_collisions: whether hands are led around head, trunk and each other; None: if the transition is learned.
-    free_hand: time of a hand that only moves to or from rest at a seam. "transition": that of the transition, which is
-        lengthened if the hand would exceed 2.2 m/s, unless the call names a transition or a time; "natural": also
-        frames of the signs, as long as the hand rests in them.
+    free_hand: what an arm does that no word owns (``person``). "natural": it stays where a sign left it, sinks late and
+        slowly, and is up before it is needed; "transition": it goes to rest, and leaves it, within a transition.
+    person: how much head, trunk and gaze move where no word owns them; 0: not at all, 1: nearly as people's do.
+    seed: of these movements.
     face_rules: rules that animate faces of words without one, some of ``faces.RULES``.
-    limits: limit of the number of frames of a clip at the output rate.
+    mouthing: a pronunciation dictionary in CMUdict's format, from which mouths of faces by rule are guessed; None: they
+        are closed.
+    limits: limit of the number of frames of a clip at the output rate; its ``free_bytes`` limit ``mouthing``.
     system: a system that splices whole words, instead of cutter, transition, duration and related options: a name of
         ``lptransformer.SHIPPED``, a trained system's folder, or an object of that class.
     fill_misses: whether pairs for which the system has no splice are joined by the defaults, with a warning; else they
         raise an error.
 
-    Raises ``InputError`` for a number out of range, and for options that cannot be combined with a system.
+    Raises ``InputError`` for a number out of range, options that cannot be combined with a system, and ``mouthing``
+    that cannot be read or comes without face rules.
     """
 
     cutter: str | Cutter | None = None
@@ -216,8 +224,11 @@ class SpliceOptions:
     tempo: str | float = CITATION
     fps: float | None = None
     avoid_collisions: bool | None = None
-    free_hand: str = TRANSITION
+    free_hand: str = NATURAL
+    person: float = 1.0
+    seed: int = 0
     face_rules: tuple[str, ...] = ()
+    mouthing: str | Path | None = None
     limits: ReadLimits = DEFAULT_LIMITS
     system: str | WholeSystem | None = None
     fill_misses: bool = True
@@ -227,6 +238,8 @@ class SpliceOptions:
             ("transition time", self.transition_time, 0.0, MAX_TRANSITION_S, "s"),
             ("sign speed", self.sign_speed, 0.1, 10.0, ""),
             ("fps", self.fps, 1.0, 1000.0, ""),
+            ("person", self.person, 0.0, 1.0, ""),
+            ("seed", self.seed, 0, 2**53, ""),
         )
         for label, value, lower, upper, unit in limits:
             if value is not None and not lower <= value <= upper:
@@ -239,16 +252,37 @@ class SpliceOptions:
             decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
             named = [name for name, default in decided.items() if getattr(self, name) not in (default, AUTO)]
             check_alone(self.whole_system, named, self.fps)
+        if self.pronunciations is not None and not self.face_rules:
+            raise InputError("SpliceOptions.mouthing moves faces by rule, expected SpliceOptions.face_rules too")
 
     @cached_property
     def whole_system(self) -> WholeSystem | None:
         """The system that splices whole words; None if cutter, duration and transition are used."""
         return open_system(self.system) if isinstance(self.system, str) else self.system
 
+    @cached_property
+    def pronunciations(self) -> Pronunciations | None:
+        """The dictionary that ``mouthing`` names; None if it names none."""
+        if self.mouthing is None:
+            return None
+        from signsplice.splicing.mouthing import read_pronunciations  # loads the written signs
+
+        return read_pronunciations(self.mouthing, self.limits.free_bytes)
+
     @property
     def seconds_a_sign(self) -> float | None:
         """Seconds that a sign takes with its transition at the chosen tempo; None: as recorded."""
         return None if self.tempo == CITATION else seconds_a_sign(self.tempo)
+
+    @property
+    def leads_arms(self) -> bool:
+        """Whether planned arms are led around the body."""
+        return self.avoid_collisions is not False
+
+    @property
+    def moves_person(self) -> bool:
+        """Whether head and trunk move where no word owns them: not in a system's sentences."""
+        return self.person > 0.0 and self.whole_system is None
 
     def choose_methods(self) -> Methods:
         """Returns the methods of the call. A tempo determines the duration of transitions, unless the call names a
@@ -264,11 +298,6 @@ class SpliceOptions:
     def has_own(self, kind: str) -> bool:
         """Whether the call names a cutter, transition or duration (``kind``) other than the default."""
         return getattr(self, kind) not in (None, AUTO, NAME, DEFAULT_DURATION)
-
-    @property
-    def lengthens(self) -> bool:
-        """Whether transitions are lengthened for an idle hand: if the call names neither transition nor time."""
-        return self.transition_time is None and not (self.has_own("transition") or self.has_own("duration"))
 
 
 def not_options(options: object) -> TypeError:

@@ -8,22 +8,14 @@ after another, in the order of the sentence, and may edit its two words.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from signsplice.motion import Clip, concatenate
-from signsplice.rig import metrics
-from signsplice.rig.info import arms, rig_info
 from signsplice.splicing.collisions import avoid_all_collisions
-from signsplice.splicing.contracts import Gap, Transition, fill_gaps, require_either
-from signsplice.splicing.durations import HUMAN, most_frames
+from signsplice.splicing.contracts import Transition, fill_gaps, require_either
 from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind
 from signsplice.splicing.word import Edit
-
-_LONGER = (1.25, 1.5, 2.0)
-"""Factors by which a transition is lengthened, in order."""
 
 
 class Pass:
@@ -67,7 +59,7 @@ class FillGaps(Pass):
         """Returns the seams with new frames. Raises as ``contracts.fill_gaps`` does."""
         clips = fill_gaps(self.transition, [seam.gap for seam in seams])
         return [
-            replace(seam, frames=new, frame_warnings=self.transition.warnings(seam.gap), depth=None, peak_m_s=None)
+            replace(seam, frames=new, frame_warnings=self.transition.warnings(seam.gap), depth=None)
             for seam, new in zip(seams, clips, strict=True)
         ]
 
@@ -82,7 +74,7 @@ class AvoidCollisions(Pass):
         """Returns the seams with hands led around the body, and the remaining depth."""
         asked = [(seam.new_frames, seam.gap.before, seam.gap.after) for seam in seams]
         return [
-            replace(seam, frames=cleared.clip, depth=cleared.depth, peak_m_s=None)
+            replace(seam, frames=cleared.clip, depth=cleared.depth)
             for seam, cleared in zip(seams, avoid_all_collisions(asked), strict=True)
         ]
 
@@ -110,36 +102,6 @@ class Refill:
     def fresh(self, seam: Seam) -> Seam:
         """Returns the seam, with its frames remade if its words were edited since."""
         return seam if seam.gap_edits == seam.edits else self.again(seam, seam.gap.n_frames)
-
-
-@dataclass(frozen=True)
-class LengthenGaps(Pass):
-    """Under a tempo, gives gaps in which a wrist would exceed ``HUMAN.largest_speed_m_s`` up to twice as many frames,
-    so that no hand is faster between two signs than in signs.
-    """
-
-    refill: Refill
-    batches: ClassVar[bool] = True
-
-    def change(self, seam: Seam) -> Seam:
-        """Returns the seam with more new frames if a hand would be faster than in signs."""
-        planned = seam.gap
-        for factor in _LONGER:
-            n_frames = min(math.ceil(factor * planned.n_frames), most_frames(planned.before.fps))
-            if n_frames <= seam.gap.n_frames or not _is_too_fast(planned, seam.new_frames):
-                break
-            seam = self.refill.fill(replace(seam, gap=replace(planned, n_frames=n_frames)))
-        return seam
-
-
-def _is_too_fast(gap: Gap, new: Clip) -> bool:
-    """Whether a wrist exceeds ``HUMAN.largest_speed_m_s`` in the new frames of a gap."""
-    info = rig_info(new.skeleton)
-    if not info.has_arms:
-        return False
-    window = concatenate([gap.before[-1:], new, gap.after[:1]])
-    wrists = arms(window).wrists * info.sizes.unit.metres
-    return metrics.peak_speed(wrists, 1, len(window) - 1, window.fps) > HUMAN.largest_speed_m_s
 
 
 def check_order(passes: Sequence[Pass]) -> tuple[Pass, ...]:

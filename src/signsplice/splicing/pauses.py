@@ -24,7 +24,7 @@ from signsplice.splicing.letters import last_letter_hold_end
 from signsplice.splicing.passes import Pass
 from signsplice.splicing.seam import Seam
 from signsplice.splicing.tempo import pace
-from signsplice.splicing.word import AlignedWord, FrameMap, HeldEnd
+from signsplice.splicing.word import AlignedWord, FrameMap, HeldEnd, cut_words
 
 PAUSES_S = {",": 0.2, ".": 0.5, "?": 0.5, "!": 0.5}
 """Mark -> time that a word is held before it, s, without ``LONGER``."""
@@ -118,3 +118,18 @@ class HoldPauses(Pass):
 def last_kept(word: AlignedWord) -> int:
     """Returns the recorded frame up to which a held word is kept before its pause, at least its entry frame."""
     return word.entry if word.held is None else max(word.held.kept, word.entry)
+
+
+def last_left(word: AlignedWord, cutter: Cutter, speed: float) -> int:
+    """Returns the last recorded frame of a sentence's last word that belongs to its sign, at least its entry frame: the
+    one before its pause, or that at which ``cutter`` leaves the word for a copy of it, after the hold of a spelled
+    word's last letter at playback speed ``speed``; the last of all if the cutter refuses the word.
+    """
+    if word.held is not None:
+        return last_kept(word)
+    try:
+        (cut,) = cut_words(cutter, [word, word])
+    except InputError:  # no arms are known, for example
+        return len(word.clip) - 1
+    hold_end = last_letter_hold_end(word.clip, word.entry, speed) if word.arrival_s else 0
+    return max(cut.pre, hold_end, word.entry)

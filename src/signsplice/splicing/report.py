@@ -44,15 +44,16 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     """Returns the report as JSON-ready values. ``timing_ms`` adds to the result's own (load, save). Unknown scores are
     null.
 
-    Copying every sign span from its source (the clip aligned to the first one, at the output rate) and every transition
-    span from the output rebuilds the output exactly, except the joints of a span's ``remade`` in its frames (an idle
+    Copying every sign and retraction span from its source (the clip aligned to the first one, at the output rate) and
+    every transition span from the output rebuilds the output exactly, except the joints of a span's ``remade`` (an idle
     arm's or a spelled letter's), which only the output holds. Stray frames left out at a clip's ends are replaced
     in its source by the nearest frame of the motion (``rig.inspection.with_ends_held``). A span with a ``warp``
-    shows the listed frames of the source, by slerp between neighbours. A transition whose span has a ``pause`` begins
+    shows the listed frames of the source, by slerp between neighbours. A span with a ``pause`` begins
     with it. Optional keys: ``contacts``, if a clip was retargeted: what its hands touch, and whether that is kept;
     ``system``, if a system spliced whole words; ``face``, if the output has one: which clips have their own, and the
-    rules for the others (frames of a sign have the source's face, unless it is by rule); ``avatar``, if the output is
-    on an avatar: the copies then rebuild the sentence before it was retargeted.
+    rules for the others (frames of a sign have the source's face, unless it is by rule); ``person``, unless a system
+    spliced whole words: the channels of each clip whose frames are planned; ``avatar``, if the output is on an avatar:
+    the copies then rebuild the sentence before it was retargeted.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -74,6 +75,9 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         ]
     if result.face is not None:
         report["face"] = asdict(result.face)
+    if result.person is not None:
+        planned = [{"clip": index, "channels": channels} for index, channels in result.person.planned.items()]
+        report["person"] = {"amount": result.person.amount, "seed": result.person.seed, "planned": planned}
     if result.system is not None:
         report["system"] = dict(result.system)
     if result.avatar is not None:

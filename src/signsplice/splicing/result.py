@@ -34,7 +34,7 @@ class Remade:
 
 @dataclass(frozen=True)
 class Pause:
-    """Frames of a transition's span in which the sign before it is held in its last posture.
+    """Frames of a transition's or a retraction's span in which the sign before it is held in its last posture.
 
     mark: the mark for which it is held: , . ? or !
     frames: of the output, half-open; the span begins with them.
@@ -48,18 +48,18 @@ class Pause:
 class Span:
     """Where a stretch of the output comes from; frame ranges are half-open.
 
-    kind: "sign" or "transition".
+    kind: "sign"; "transition"; or "retraction": the last word's frames after its sign, in which hands come down.
     clip: index of the source clip; None for a transition.
     name: name of the source clip; None for a transition.
     source: frames of that clip, counted at the output rate; None for a transition.
     output: frames of the output.
-    warp: each output frame with the frame of the clip that it shows, where a tempo changed when frames come; else None.
+    warp: each output frame with the frame of the clip that it shows, where a tempo or a pause changed when frames come;
+        else None.
     remade: joints whose frames are not those of the clip, an idle arm's or a spelled letter's; None where all are.
-    pause: of a transition that begins with one, else None. After a pause at the end of the text the hands come down in
-        the same span.
+    pause: of a transition or a retraction that begins with one, else None.
     """
 
-    kind: Literal["sign", "transition"]
+    kind: Literal["sign", "transition", "retraction"]
     clip: int | None
     name: str | None
     source: tuple[int, int] | None
@@ -98,6 +98,19 @@ class FaceSources:
 
 
 @dataclass(frozen=True)
+class PlannedPerson:
+    """The motion of a sentence that no word owns (``person``).
+
+    amount, seed: ``SpliceOptions.person`` and ``seed``.
+    planned: index of each clip -> its channels (``roles.CHANNELS``) with planned frames.
+    """
+
+    amount: float
+    seed: int
+    planned: Mapping[int, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
 class ReachedTempo:
     """The tempo of a sentence.
 
@@ -128,6 +141,7 @@ class SpliceResult:
     system: name, bundle and training of the system that spliced whole words; None if none did.
     avatar: name and contacts of the avatar to which the sentence was retargeted; None without one.
     face: origin of the face; None if there is none.
+    person: motion that no word owns; None in a system's sentences.
     """
 
     clip: Clip
@@ -143,6 +157,7 @@ class SpliceResult:
     system: Mapping[str, Any] | None = None
     avatar: Mapping[str, Any] | None = None
     face: FaceSources | None = None
+    person: PlannedPerson | None = None
 
     @property
     def marks(self) -> list[Mark]:

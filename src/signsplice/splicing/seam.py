@@ -92,7 +92,6 @@ class Seam:
     frames: the new frames; None if there are none, or none yet.
     frame_warnings: what a user should know about how they were made, one line each.
     depth: depth of a hand in the body in them, m; None if not measured.
-    peak_m_s: highest speed of a wrist in and beside them, m/s; None if not measured.
     earlier: edits of ``before`` at the seam before it.
     leaving: edits of ``before`` at this seam.
     entering: edits of ``after`` at this seam.
@@ -110,7 +109,6 @@ class Seam:
     frames: Clip | None = None
     frame_warnings: tuple[str, ...] = ()
     depth: float | None = None
-    peak_m_s: float | None = None
     earlier: tuple[Edit, ...] = ()
     leaving: tuple[Edit, ...] = ()
     entering: tuple[Edit, ...] = ()

@@ -12,11 +12,14 @@ from time import perf_counter
 from signsplice.body.contacts import Contact
 from signsplice.motion import Clip, FloatArray
 from signsplice.rig.align import Reference
+from signsplice.rig.info import rig_info
 from signsplice.splicing import stages
-from signsplice.splicing.faces import BLINKS, BROWS, Blinks, relax_brows, with_rules
+from signsplice.splicing.carriage import TURNS, Carriage, turn_person
+from signsplice.splicing.faces import BLINKS, BROWS, GAZE, Blinks, open_eyes, relax_brows, turn_eyes, with_rules
 from signsplice.splicing.options import SpliceOptions, not_options
 from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
-from signsplice.splicing.pauses import last_kept
+from signsplice.splicing.pauses import last_left
+from signsplice.splicing.person import channel_joints, retract
 from signsplice.splicing.result import Pause, Piece, Remade, Span
 from signsplice.splicing.seam import Seam, score_seam, seam_positions
 from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, apply_edits, as_word
@@ -29,6 +32,7 @@ class Sentence:
     contacts: contacts of each word that was retargeted, by its index.
     faces: indices of words with a face of their own.
     face_rules: rules that animate the faces of other words.
+    planned: index of each emitted word -> its channels with planned frames.
     passes: passes that change planned seams, in order.
     """
 
@@ -41,7 +45,9 @@ class Sentence:
         self.passes = stages.passes(options, self.planner.methods) if passes is None else check_order(passes)
         self.contacts: dict[int, tuple[Contact, ...]] = {}
         self.faces: list[int] = []
+        self.planned: dict[int, tuple[str, ...]] = {}
         self.face_rules, self._blinks = () if options.whole_system is not None else options.face_rules, Blinks()
+        self._carriage = Carriage(options.person, options.seed)
         self._n_words = self._n_out = 0
         self._reference: Reference | None = None
         self._last: AlignedWord | None = None
@@ -103,29 +109,46 @@ class Sentence:
         for seam, seen in zip(seams, positions, strict=True):
             before, stop = seam.before, seam.retimed_cut.pre + 1
             sign = _sign_piece(before, self._entered_by, (*seam.earlier, *seam.leaving), stop, self._n_out)
+            made = [sign]
+            if seam.frames is not None:
+                output = sign.span.output[1], sign.span.output[1] + seam.gap.n_frames
+                made.append(_transition_piece(seam.frames, output, seam.n_held, before.held))
+            sign, *new = self._carry(made, before, slice(before.first_frame, stop + seam.n_held), seam.after)
             waits = before.held is not None  # a blink for the pause that follows
             pieces.append(self._emit_piece(sign, () if waits else (before,)))
-            if seam.frames is not None:
-                output = self._n_out, self._n_out + seam.gap.n_frames
-                new = _transition_piece(seam.frames, output, seam.n_held, before.held)
-                pieces.append(self._emit_piece(new, (before, seam.after)))
+            pieces += [self._emit_piece(piece, (before, seam.after)) for piece in new]
             self._last, self._entered_by = seam.after, score_seam(seam, seen)
         self.seconds["join"] += perf_counter() - began
         return pieces
 
     def end(self) -> list[Piece]:
-        """Returns the rest of the last word."""
+        """Returns the rest of the last word: its sign, and its retraction if there is one."""
         word, entered_by = self._last, self._entered_by
         self._last = self._entered_by = None
         self._entering = ()
         if word is None:
             return []
-        began = perf_counter()
-        pieces = _last_pieces(word, entered_by, self._n_out)
+        began, last = perf_counter(), len(word.clip) - 1
+        if self.options.whole_system is None:
+            last = last_left(word, self.planner.methods.cutter, self.options.sign_speed)
+            word = (
+                replace(word, planned=()) if entered_by is None else retract(word, self.options.leads_arms)
+            )  # one word alone is its clip
+        cut = perf_counter()
+        edits, n_frames = () if entered_by is None else entered_by.entering, len(word.retimed)
+        sign = _sign_piece(word, entered_by, edits, n_frames, self._n_out)
+        if entered_by is not None:
+            (sign,) = self._carry([sign], word, slice(word.first_frame, n_frames), None)
+        self._carriage = Carriage(self.options.person, self.options.seed)
+        # Rules for the face see a retraction by itself only if it begins with a pause.
+        pieces = [sign] if word.held is None else _last_pieces(sign, word, edits, last)
         if self.face_rules and word.face_by_rules:
             pieces[-1] = relax_brows(pieces[-1])
         pieces = [self._emit_piece(piece, (word,) if piece is pieces[-1] else (), is_last=True) for piece in pieces]
-        self.seconds["join"] += perf_counter() - began
+        if word.held is None:
+            pieces = _last_pieces(pieces[0], word, edits, last)
+        self.seconds["cut"] += cut - began
+        self.seconds["join"] += perf_counter() - cut
         return pieces
 
     def _align(self, given: Word, index: int) -> AlignedWord:
@@ -140,8 +163,31 @@ class Sentence:
         if not index:
             word = replace(word, warnings=(*self.planner.methods.warnings, *word.warnings))
         if self.face_rules:
-            word = with_rules(word, given.brow if BROWS in self.face_rules else None, index == 0)
+            said = self.options.pronunciations if word.clip.face is None else None
+            others = [] if said is None else [said.mouth(word, self.planner.methods.cutter)]
+            if GAZE in self.face_rules and self.options.moves_person:
+                others.append(open_eyes(len(word.retimed)))
+            word = with_rules(word, given.brow if BROWS in self.face_rules else None, index == 0, *others)
         return word
+
+    def _carry(self, pieces: Sequence[Piece], word: AlignedWord, kept: slice, after: AlignedWord | None) -> list[Piece]:
+        """Returns the pieces of a word and of the transition to the word ``after`` with the motion of the person.
+        ``kept``: the retimed frames of the word, with its pause, that they begin with.
+        """
+        if word.planned:
+            self.planned[word.index] = word.planned
+        if not (self.options.moves_person and rig_info(word.clip.skeleton).has_arms):
+            return list(pieces)
+        n_frames = sum(len(piece.clip) for piece in pieces)
+        turns, looks = self._carriage.move(n_frames, word, kept, after)
+        carried, start = list[Piece](), 0
+        for piece in pieces:
+            frames = slice(start, start := start + len(piece.clip))
+            clip = turn_person(piece.clip, turns[frames])
+            if GAZE in self.face_rules and looks[frames].any():
+                clip = turn_eyes(clip, looks[frames] / TURNS.eyes_deg)
+            carried.append(replace(piece, clip=clip))
+        return carried
 
     def _emit_piece(self, piece: Piece, words: Sequence[AlignedWord], is_last: bool = False) -> Piece:
         """Returns a piece as emitted, with a blink if one is due and the faces of its ``words`` are by rule."""
@@ -156,17 +202,30 @@ def _sign_piece(word: AlignedWord, entered_by: Seam | None, edits: Sequence[Edit
     seam before it, None before the first word; ``output``: frame of the sentence at which it begins.
     """
     start = word.first_frame
-    span = Span(
+    span = _span(word, edits, (start, stop), output)
+    score = None if entered_by is None else entered_by.score
+    return Piece(apply_edits(word.retimed, edits)[start:stop], span, score, word.warnings)
+
+
+def _span(word: AlignedWord, edits: Sequence[Edit], frames: tuple[int, int], output: int) -> Span:
+    """Makes the span of a sign: a word's retimed ``frames``, half-open, from frame ``output`` of the sentence on."""
+    start, stop = frames
+    remade = describe_edits(edits, word.clip.skeleton.names, frames, output) if edits else None
+    if word.planned:
+        joints = {joint for channel in word.planned for joint in channel_joints(word.clip, channel)}
+        names = {word.clip.skeleton.names[joint] for joint in joints} | {*(remade.joints if remade else ())}
+        remade = Remade(
+            tuple(name for name in word.clip.skeleton.names if name in names), (output, output + stop - start)
+        )
+    return Span(
         kind="sign",
         clip=word.index,
         name=word.clip.name,
         source=word.frames.source(start, stop),
         output=(output, output + stop - start),
         warp=word.frames.warp(start, stop, output),
-        remade=describe_edits(edits, word.clip.skeleton.names, (start, stop), output) if edits else None,
+        remade=remade,
     )
-    score = None if entered_by is None else entered_by.score
-    return Piece(apply_edits(word.retimed, edits)[start:stop], span, score, word.warnings)
 
 
 def _transition_piece(new: Clip, output: tuple[int, int], n_held: int, held: HeldEnd | None) -> Piece:
@@ -177,16 +236,19 @@ def _transition_piece(new: Clip, output: tuple[int, int], n_held: int, held: Hel
     return Piece(new, Span("transition", None, None, None, output, pause=pause))
 
 
-def _last_pieces(word: AlignedWord, entered_by: Seam | None, output: int) -> list[Piece]:
-    """Returns the rest of a sentence's last word: a sign, and if it is held, the pause with the following frames."""
-    edits, n_frames = () if entered_by is None else entered_by.entering, len(word.retimed)
-    stop = n_frames if word.held is None else min(word.frames.last(last_kept(word)) + 1, n_frames)
-    sign = _sign_piece(word, entered_by, edits, stop, output)
-    if word.held is None or stop == n_frames:
-        return [sign]
-    n_held, begin = max(0, word.frames.last(word.held.leave) + 1 - stop), sign.span.output[1]
-    rest = apply_edits(word.retimed, edits)[stop:]
-    return [sign, _transition_piece(rest, (begin, begin + n_frames - stop), n_held, word.held)]
+def _last_pieces(whole: Piece, word: AlignedWord, edits: Sequence[Edit], last: int) -> list[Piece]:
+    """Splits the piece of a sentence's last word, with its ``edits``, after its recorded frame ``last``: the sign, and
+    if frames follow, the retraction, which begins with the pause of a word that is held.
+    """
+    start, stop, n_frames = word.first_frame, word.frames.last(last) + 1, len(word.retimed)
+    if stop >= n_frames:
+        return [whole]
+    begin = whole.span.output[0] + stop - start
+    n_held = 0 if word.held is None else max(0, word.frames.last(word.held.leave) + 1 - stop)
+    pause = Pause(word.held.mark, (begin, begin + n_held)) if word.held is not None and n_held else None
+    sign = replace(whole, clip=whole.clip[: stop - start], span=_span(word, edits, (start, stop), whole.span.output[0]))
+    retraction = replace(_span(word, edits, (stop, n_frames), begin), kind="retraction", pause=pause)
+    return [sign, Piece(whole.clip[stop - start :], retraction)]
 
 
 def describe_edits(edits: Sequence[Edit], names: Sequence[str], frames: tuple[int, int], output: int) -> Remade | None:

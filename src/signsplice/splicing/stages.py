@@ -2,9 +2,11 @@
 
     words    every clip becomes a word: aligned to the first one, at the chosen speed              (``Planner.align``),
              brought to the chosen tempo, and held at the end of a phrase                          (``Planner.time``)
-    plan     every two neighbours get a seam: a cut, and a gap with a number of frames             (``Planner.seams``)
+    plan     every two neighbours get a seam: a cut, and a gap with a number of frames             (``Planner.seams``);
+             arms and heads that one of them does not own are planned                              (``person``)
     passes   the passes below fill the gaps and change the seams, in this order                    (``passes``)
-    pieces   words and new frames are emitted in order, edits applied, seams scored                (``sentence``)
+    pieces   words and new frames are emitted in order, edits applied, seams scored, and head and
+             trunk turned where no word owns them                                                  (``sentence``)
 
 All intermediate values are frozen: a stage takes one and returns another. To add a behaviour, write a pass and list it
 here.
@@ -20,13 +22,14 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip, resample
 from signsplice.rig.align import Reference, reference
+from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import clip_warnings, motion_span, with_ends_held
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
+from signsplice.rig.roles import CHANNELS
 from signsplice.splicing.contracts import Cut
-from signsplice.splicing.durations import HUMAN, MAX_TRANSITION_S, TravelDuration
-from signsplice.splicing.faces import EaseFaces
-from signsplice.splicing.idle_hands import NATURAL, FreeHands, WristSpeeds
+from signsplice.splicing.durations import HUMAN, MAX_TRANSITION_S
+from signsplice.splicing.faces import BROWS, EaseFaces
 from signsplice.splicing.letters import (
     MOVEMENTS,
     MoveFingers,
@@ -36,9 +39,10 @@ from signsplice.splicing.letters import (
     last_letter_hold_end,
 )
 from signsplice.splicing.options import Methods, SpliceOptions
-from signsplice.splicing.passes import AvoidCollisions, FillGaps, LengthenGaps, Pass, Refill
+from signsplice.splicing.passes import AvoidCollisions, FillGaps, Pass, Refill
 from signsplice.splicing.pauses import HoldPauses, with_pause
-from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, plan_seam
+from signsplice.splicing.person import NATURAL, carry_channels, channel_joints, hold_idle_arms, owned_channels
+from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind, plan_seam
 from signsplice.splicing.systems import NoSpliceError, WholeSystem, misses_message
 from signsplice.splicing.tempo import retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap, Word, cut_words
@@ -48,18 +52,13 @@ def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
     """Returns the passes that change planned seams, in order. Those that batch come first: they only see gaps."""
     transition = methods.transition
     avoids = transition.learned if options.avoid_collisions is None else options.avoid_collisions
-    natural, refill = options.free_hand == NATURAL, Refill(transition, avoids)
-    frees_hands = natural or options.lengthens
-    lengthens = isinstance(methods.duration, TravelDuration) and options.transition_time is None
+    refill = Refill(transition, avoids)
     listed: tuple[tuple[Pass, bool], ...] = (
         # gaps, of many sentences at once
         (FillGaps(transition), True),
         (AvoidCollisions(), avoids),
-        (LengthenGaps(refill), lengthens),
-        (WristSpeeds(), frees_hands),
         # seams, one after another
         (SlideLetters(refill), True),
-        (FreeHands(refill, natural, options.lengthens, options.avoid_collisions is not False), frees_hands),
         (ReformLetters(), True),
         (MoveFingers(options.sign_speed), True),
         (HoldPauses(), True),
@@ -77,6 +76,11 @@ class Planner:
 
     def __init__(self, options: SpliceOptions) -> None:
         self.options, self.methods, self._seconds = options, options.choose_methods(), options.seconds_a_sign
+        self._planned: tuple[str, ...] = ()
+        if options.free_hand == NATURAL and options.whole_system is None:
+            self._planned += CHANNELS[:2]
+        if options.moves_person:
+            self._planned += CHANNELS[3:]
 
     def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
         """Returns the word of a clip, and the reference of its sentence: ``first``, or that of this clip if ``first``
@@ -115,11 +119,21 @@ class Planner:
 
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
         """Returns the word at the chosen tempo, held at the mark after it if the ``given`` word has one."""
+        word = self._give_channels(word, given)
         if self._seconds is not None:
             word = retime_word(word, self.methods.cutter, self._seconds)
         if given.pause is not None and self.options.whole_system is None:
             word = with_pause(word, given.pause, self.methods.cutter, self.options.sign_speed)
         return replace(word, starts=given.starts)
+
+    def _give_channels(self, word: AlignedWord, given: Word) -> AlignedWord:
+        """Returns the word with the channels that it owns, and head and trunk among the planned ones if they move."""
+        if not (self._planned and rig_info(word.clip.skeleton).has_arms):
+            return word
+        owns = owned_channels(word.own or word.clip) if given.owns is None else given.owns
+        moved = CHANNELS[2:] if self.options.moves_person else ()
+        planned = tuple(part for part in moved if part not in owns and channel_joints(word.clip, part))
+        return replace(word, owns=owns, planned=planned, brow=given.brow if BROWS in self.options.face_rules else None)
 
     def cuts(self, words: Sequence[AlignedWord]) -> list[Cut]:
         """Returns the cutter's choice for every two neighbours; none if a system joins them."""
@@ -185,8 +199,8 @@ class Planner:
         if before.arrival_s and before.held is None:
             pre = max(pre, last_letter_hold_end(before.clip, before.entry, self.options.sign_speed))
         cut = Cut(pre, chosen.post)
-        n_frames, lines = self._n_frames(before.clip, after.clip, cut)
-        return plan_seam(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
+        n_frames, lines = self._n_frames(before, after, cut)
+        return self._plan(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
 
     def _seam_of_letters(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
         """Returns the seam of two letters; if no hand is still, joins them as signs, with a warning."""
@@ -196,21 +210,42 @@ class Planner:
             return self._seam_of_signs(before, after, chosen, (line,))
         cut = Cut(max(letters.cut.pre, before.entry), letters.cut.post)
         if self.options.transition_time is not None or self.options.has_own("duration"):
-            n_frames, warnings = self._n_frames(before.clip, after.clip, cut)
+            n_frames, warnings = self._n_frames(before, after, cut)
         else:
             n_frames, warnings = max(1, round(letters.seconds * before.clip.fps) - 1), letters.warnings
         kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
         slide_m = before.slide_m + MOVEMENTS.slide_m if letters.slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
+        return self._plan(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
+
+    def _plan(
+        self,
+        kind: SeamKind,
+        before: AlignedWord,
+        after: AlignedWord,
+        cut: Cut,
+        n_frames: int,
+        warnings: tuple[str, ...],
+        arrival_s: float = 0.0,
+        slide_m: float = 0.0,
+    ) -> Seam:
+        """Returns the seam of two words (``plan_seam``), whose idle arms and heads are planned unless a system joins
+        whole words.
+        """
+        if self._planned:
+            retimed = Cut(before.frames.last(cut.pre), after.frames.first(cut.post))
+            before, after = carry_channels(before, after, retimed, n_frames, self._planned, self.options.leads_arms)
         return plan_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
 
-    def _n_frames(self, before: Clip, after: Clip, cut: Cut) -> tuple[int, tuple[str, ...]]:
+    def _n_frames(self, word: AlignedWord, next_word: AlignedWord, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Returns the number of new frames, from the user's time or the duration, and warnings; the human median if the
-        rig's arms are unknown.
+        rig's arms are unknown. Idle arms take no time.
         """
+        before, after = word.clip, next_word.clip
         if self.options.transition_time is not None:
             return round(self.options.transition_time * before.fps), ()
         try:
+            after = hold_idle_arms(word, next_word, cut) if CHANNELS[0] in self._planned else after
             seconds = self.methods.duration.seconds(before, after, cut)
         except InputError:
             median_s = HUMAN.median_transition_s

@@ -248,7 +248,7 @@ def retime_word(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWor
         return replace(word, warnings=(*word.warnings, line))
     if len(clip) < 2:
         return word
-    first, last = _sign(word, cutter)
+    first, last = find_sign(word, cutter)
     wanted_s = running_sign_s((last - first + 1) / clip.fps, seconds)
     rates = pace(clip).rates(first, last, wanted_s - RATES.boundary_frames / clip.fps)
     if np.all(rates == 1.0):
@@ -258,7 +258,7 @@ def retime_word(word: AlignedWord, cutter: Cutter, seconds: float) -> AlignedWor
     return replace(word, retimed=sample_clip(clip, sources), frames=replace(word.frames, sources=sources))
 
 
-def _sign(word: AlignedWord, cutter: Cutter) -> tuple[int, int]:
+def find_sign(word: AlignedWord, cutter: Cutter) -> tuple[int, int]:
     """Returns the first and last frame of the sign in a word: as the cutter cuts it, or, at an end that it keeps whole,
     by the span in which the arms are away from rest.
     """

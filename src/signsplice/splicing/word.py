@@ -6,15 +6,17 @@ one, with the mapping of its frames. Adjacent seams change it by an ``Edit``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from signsplice.body.contacts import Contact
+from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, bone_translations, copy_unchecked
+from signsplice.rig.roles import CHANNELS
 from signsplice.splicing.contracts import Cut, Cutter, cut_clips
 
 if TYPE_CHECKING:
@@ -29,22 +31,44 @@ class Word:
     starts: whether a letter begins another spelled word; other letters continue the one before.
     pause: the mark after it at which it is held, one of ``pauses.PAUSES_S``; None if it is not held.
     brow: brows of the question that contains it, "raised" or "furrowed" (``faces``); None outside questions.
+    owns: the channels that belong to the word (some of ``roles.CHANNELS``), which are never replaced; None: those that
+        move in its clip (``person``). Raises ``InputError`` for others.
     """
 
     clip: Clip
     starts: bool = False
     pause: str | None = None
     brow: str | None = None
+    owns: frozenset[str] | None = None
+
+    def __post_init__(self) -> None:
+        owns = {self.owns} if isinstance(self.owns, str) else {*(self.owns or ())}
+        if unknown := sorted(map(str, owns - {*CHANNELS})):
+            raise InputError(f"word owns {unknown[0]!r:.40}, expected some of {', '.join(CHANNELS)}")
+        if self.owns is not None:
+            object.__setattr__(self, "owns", frozenset(owns))
 
 
-def words_of(tokens: Sequence[SentenceToken], clip_of: Callable[[str], Clip], has_pauses: bool = True) -> list[Word]:
+def words_of(
+    tokens: Sequence[SentenceToken],
+    clip_of: Callable[[str], Clip],
+    has_pauses: bool = True,
+    owns_of: Callable[[str], frozenset[str] | None] | None = None,
+) -> list[Word]:
     """Returns the words for the tokens of a line (``lexicon.sentence.parse``); ``clip_of``: gloss -> clip, such as
-    ``Lexicon.clip``. ``has_pauses``: whether words are held at the marks of the line.
+    ``Lexicon.clip``. ``has_pauses``: whether words are held at the marks of the line. ``owns_of``: gloss -> ``owns``,
+    such as ``Lexicon.owns``.
     """
     from signsplice.lexicon.sentence import line_glosses
 
     return [
-        Word(clip_of(entry.gloss), entry.starts, entry.pause if has_pauses else None, entry.brow)
+        Word(
+            clip_of(entry.gloss),
+            entry.starts,
+            entry.pause if has_pauses else None,
+            entry.brow,
+            owns_of(entry.gloss) if owns_of is not None else None,
+        )
         for entry in line_glosses(tokens)
     ]
 
@@ -170,6 +194,27 @@ class HeldEnd:
 
 
 @dataclass(frozen=True, eq=False)
+class ChannelPath:
+    """The path of a channel from where the last word that owned it left it (``person``). Times count from the entry of
+    the word that follows it, s.
+
+    start: (K, 4) local rotations of its joints there.
+    left_s: time at which the word left it.
+    begin_s: time at which it begins to move to its place.
+    seconds: time that this takes.
+    """
+
+    start: FloatArray
+    left_s: float
+    begin_s: float
+    seconds: float
+
+    def later(self, seconds: float) -> ChannelPath:
+        """The same path for a word that is entered ``seconds`` later."""
+        return replace(self, left_s=self.left_s - seconds, begin_s=self.begin_s - seconds)
+
+
+@dataclass(frozen=True, eq=False)
 class AlignedWord:
     """A word of a sentence, aligned to the first one. Changes after planning are ``Edit``s at its seams.
 
@@ -190,6 +235,11 @@ class AlignedWord:
     own_step: number of frames of ``own`` per frame of ``clip``.
     own_first: the frame of ``own`` that the first frame of ``clip`` shows, a fraction.
     keyed: whether its recording was drawn between keys (``rig.keyedness``).
+    brow: as in ``Word``.
+    owns: the channels (``roles.CHANNELS``) that belong to it.
+    paths: how the channels that it does not own come from the words before (``person``).
+    planned: its channels with planned frames.
+    recorded: ``retimed`` without these; None if it has none.
     """
 
     index: int
@@ -208,6 +258,11 @@ class AlignedWord:
     own_step: float = 1.0
     own_first: float = 0.0
     keyed: bool = False
+    brow: str | None = None
+    owns: frozenset[str] = frozenset(CHANNELS)
+    paths: Mapping[str, ChannelPath] = field(default_factory=dict)
+    planned: tuple[str, ...] = ()
+    recorded: Clip | None = None
 
     @property
     def first_frame(self) -> int:

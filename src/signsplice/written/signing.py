@@ -11,7 +11,7 @@ import numpy as np
 from signsplice.body import collision
 from signsplice.errors import InputError
 from signsplice.motion import Clip, kinematics, rotation
-from signsplice.signer import planner
+from signsplice.signer import phonology, planner
 from signsplice.signer.planner import FPS
 from signsplice.signer.signer import JOINTS
 from signsplice.written import files, nonmanual
@@ -36,6 +36,15 @@ def animate_sign(sign: WrittenSign, fps: float = FPS, lenient: bool = False) -> 
     hands = word.events.start, word.events.end + 1
     clip = nonmanual.with_face(with_shoulders(word.clip, sign, hands), sign, hands)
     return replace(clip, notes=(*clip.notes, *deep_hands(clip), *jumps(clip)))
+
+
+def owned_channels(sign: WrittenSign, lenient: bool = False) -> frozenset[str]:
+    """Returns the channels (some of ``roles.CHANNELS``) that are a written sign's own; shoulders are parts of arms.
+    Raises and ``lenient`` as in ``animate_sign``.
+    """
+    moved = {track.part for track in nonmanual.body_tracks(sign, ("shoulder",))}
+    arms = {f"{side.lower()} arm" for side in ("Left", "Right") if moved & {side, "both"}}
+    return phonology.owned_channels(compile_sign(sign, lenient)) | arms
 
 
 def deep_hands(clip: Clip) -> Iterator[str]:

@@ -82,7 +82,7 @@ def test_a_mouth_counts_while_it_moves_and_eyes_while_they_are_averted() -> None
 
 def test_sentences_are_measured_by_kind_and_tempo() -> None:
     rows = person.compare(1, ["citation"])
-    assert [row.motion for row in rows] == ["words that ship", "redrawn between keys", "with noise", "folded rest"]
+    assert [row.motion for row in rows] == ["words that ship", "with noise", "folded rest", "redrawn between keys"]
     assert all(row.head_spread > 0.1 and row.other_seam_s > 0.2 for row in rows)
     assert len(person.table(rows)) == 4 + len(rows)
     with pytest.raises(InputError, match="expected at least 1"):

@@ -5,7 +5,7 @@ synthetic words, and the frames of a sentence that show them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -177,6 +177,23 @@ def keeps_stroke(word: IsolatedWord, first: int, stop: int) -> bool:
     if word.events.first is None or not word.events.passes:
         return max(first, begin) < min(stop, end + 1)
     return first <= begin and end < stop
+
+
+def word_span(spans: Sequence[Span], word: int) -> Span:
+    """Returns the spans of a sentence's word, its sign and its retraction, as one."""
+    parts = [span for span in spans if span.clip == word]
+    sources, outputs = [span.source or (0, 0) for span in parts], [span.output for span in parts]
+    warp = [
+        pair
+        for span, source in zip(parts, sources, strict=True)
+        for pair in span.warp or zip(range(*span.output), map(float, range(*source)), strict=True)
+    ]
+    return replace(
+        parts[0],
+        source=(sources[0][0], sources[-1][1]),
+        output=(outputs[0][0], outputs[-1][1]),
+        warp=tuple(warp) if any(span.warp for span in parts) else None,
+    )
 
 
 def output_frame(span: Span, frame: int) -> float:

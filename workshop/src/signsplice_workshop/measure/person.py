@@ -16,10 +16,13 @@ import numpy as np
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig.info import Arms, arms, rig_info
+from signsplice.rig.roles import CHANNELS
+from signsplice.signer.phonology import owned_channels as owned_by_sign
 from signsplice.signer.signer import stream
-from signsplice.splicing.contracts import Cut
 from signsplice.splicing.engine import SpliceOptions, SpliceResult, splice
-from signsplice.splicing.idle_hands import idle_hands
+from signsplice.splicing.faces import RULES
+from signsplice.splicing.person import owned_channels
+from signsplice.splicing.word import Word
 from signsplice_workshop.corpora.rekeying import rekey_clip
 from signsplice_workshop.measure.measures import (
     Measure,
@@ -58,6 +61,7 @@ class IdleLimits:
 
 LIMITS = IdleLimits()
 _MOUTH = ("mouth", "jaw", "tongue")
+_CHEST = ("upperChest", "chest", "spine")
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,8 @@ class PersonMotion:
     head_spread, chest_spread: rms angle of the head on the chest, and of the chest on the hips, from their mean over
         windows of ``LIMITS.window_s``, degrees.
     head_speed: median angular speed of the head on the chest, degrees/s.
-    head_peak: highest angular speed of the head on the chest, degrees/s.
+    head_peak: highest angular speed of the head on the chest, degrees/s; in a sentence, in transitions between words
+        that do not own it.
     period: highest autocorrelation of the head's three angles at lags of ``LIMITS.lag_s`` and more; 1 repeats itself.
     mouth, gaze: fractions of frames in which the mouth moves, and in which the eyes leave the addressee.
     idle_seam_s, other_seam_s: mean durations of seams with and without an idle hand, s.
@@ -105,7 +110,7 @@ def measure_person(clip: Clip) -> PersonMotion:
     hangs = below > LIMITS.hanging
     is_placed = is_idle & ~hangs
     in_front = _distances_in_front(motion)
-    head, chest = _relative_rotations(clip, "head", ("upperChest", "chest", "spine")), _relative_chest(clip)
+    head, chest = _relative_rotations(clip, "head", _CHEST), _relative_chest(clip)
     head_speeds = None if head is None else _angular_speeds(head, clip.fps)
     return PersonMotion(
         minutes=len(clip) / clip.fps / 60.0,
@@ -157,9 +162,8 @@ def _relative_rotations(clip: Clip, role: str, parents: Sequence[str]) -> FloatA
 
 
 def _relative_chest(clip: Clip) -> FloatArray | None:
-    roles = ("upperChest", "chest", "spine")
     joints = rig_info(clip.skeleton).roles.joints
-    role = next((name for name in roles if name in joints), None)
+    role = next((name for name in _CHEST if name in joints), None)
     return None if role is None else _relative_rotations(clip, role, ("hips",))
 
 
@@ -216,18 +220,27 @@ def _fraction_averted(clip: Clip) -> float:
     return float(np.mean(clip.face.weights[:, columns].max(axis=1, initial=0.0) > LIMITS.gaze))
 
 
-def measure_sentence(clips: Sequence[Clip], options: SpliceOptions) -> PersonMotion:
+def measure_sentence(words: Sequence[Word], options: SpliceOptions) -> PersonMotion:
     """Joins words of one rig and rate, and measures the sentence with the durations of its seams."""
-    result: SpliceResult = splice(clips, options)
+    result: SpliceResult = splice(words, options)
     with_idle: list[float] = []
     others: list[float] = []
-    for before, after, seam in zip(clips[:-1], clips[1:], result.seams, strict=True):
-        is_idle = idle_hands(before, after, Cut(seam.pre_frame, seam.post_frame))
-        (with_idle if is_idle else others).append(seam.seconds)
+    owned = [owned_channels(word.clip) if word.owns is None else word.owns for word in words]
+    arms_of = [channels & {*CHANNELS[:2]} for channels in owned]
+    for before, after, seam in zip(arms_of[:-1], arms_of[1:], result.seams, strict=True):
+        (others if before == after else with_idle).append(seam.seconds)
     person = measure_person(result.clip)
+    head = _relative_rotations(result.clip, "head", _CHEST)
+    gaps = [span.output for span in result.spans if span.kind == "transition"]
+    peaks = [
+        _angular_speeds(head[max(0, start - 1) : stop + 1], result.clip.fps).max()
+        for (start, stop), before, after in zip(gaps, owned[:-1], owned[1:], strict=True)
+        if head is not None and "head" not in before | after
+    ]
     return PersonMotion(
         **{
             **vars(person),
+            "head_peak": float(max(peaks)) if peaks else None,
             "idle_seam_s": float(np.mean(with_idle)) if with_idle else None,
             "other_seam_s": float(np.mean(others)) if others else None,
         }
@@ -263,20 +276,25 @@ MEASURES = (
 """Measures of sentences, or of clips: drops a minute; idle hands; rotations; the face; durations of seams."""
 
 
-def draw_sentences(n_sentences: int) -> dict[str, list[list[Clip]]]:
+def draw_sentences(n_sentences: int) -> dict[str, list[list[Word]]]:
     """Returns sentences of ``tempo.LENGTH`` words: words that ship; those redrawn between keys, and with the noise of
-    captures; and words of a signer who rests with folded hands. Raises ``InputError`` for too many.
+    captures; and words of a signer who rests with folded hands. Redrawn words own what they move, others what their
+    notation moves. Raises ``InputError`` for too many.
     """
     lexicons = make_lexicons(n_sentences * LENGTH)
-    shipped = [word.clip for word in lexicons["words that ship"]]
     rng = stream("person", n_sentences)
+    (noisy,) = (name for name in lexicons if name.startswith("noise"))
     words = {
-        "words that ship": shipped,
-        "redrawn between keys": [rekey_clip(clip, 6, "blender", rng) for clip in shipped],
-        "with noise": [word.clip for name, lexicon in lexicons.items() if name.startswith("noise") for word in lexicon],
-        "folded rest": [word.clip for word in lexicons["signer 202, folded"]],
+        name: [Word(word.clip, owns=owned_by_sign(word.sign, word.signer)) for word in lexicons[lexicon]]
+        for name, lexicon in (
+            ("words that ship", "words that ship"),
+            ("with noise", noisy),
+            ("folded rest", "signer 202, folded"),
+        )
     }
-    return {name: [clips[k : k + LENGTH] for k in range(0, len(clips), LENGTH)] for name, clips in words.items()}
+    shipped = [word.clip for word in words["words that ship"]]
+    words["redrawn between keys"] = [Word(rekey_clip(clip, 6, "blender", rng)) for clip in shipped]
+    return {name: [given[k : k + LENGTH] for k in range(0, len(given), LENGTH)] for name, given in words.items()}
 
 
 def compare(n_sentences: int, tempos: Sequence[str], progress: Progress | None = None) -> list[Row]:
@@ -284,10 +302,10 @@ def compare(n_sentences: int, tempos: Sequence[str], progress: Progress | None =
     if n_sentences < 1:
         raise InputError(f"{n_sentences} sentences of each kind, expected at least 1")
     sentences = draw_sentences(n_sentences)
-    jobs = [(name, tempo, clips) for name, lines in sentences.items() for tempo in tempos for clips in lines]
+    jobs = [(name, tempo, words) for name, lines in sentences.items() for tempo in tempos for words in lines]
     measured: dict[tuple[str, str], list[PersonMotion]] = {}
-    for name, tempo, clips in track_progress(jobs, progress):
-        person = measure_sentence(clips, SpliceOptions(tempo=tempo))
+    for name, tempo, words in track_progress(jobs, progress):
+        person = measure_sentence(words, SpliceOptions(tempo=tempo, face_rules=RULES))
         measured.setdefault((name, tempo), []).append(person)
     return [make_row(MEASURES, people, motion=name, tempo=tempo) for (name, tempo), people in measured.items()]
 

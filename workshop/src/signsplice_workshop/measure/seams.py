@@ -32,6 +32,7 @@ from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, kinematics, rotation
 from signsplice.rig import metrics
 from signsplice.rig.info import Arms, arms, rig_info
+from signsplice.rig.roles import CHANNELS
 from signsplice.signer import notation, planner
 from signsplice.signer.phonology import Sign
 from signsplice.signer.planner import IsolatedWord
@@ -42,13 +43,20 @@ from signsplice.splicing.cutters import CLASSICAL_CUTTER, CUTTERS
 from signsplice.splicing.durations import DEFAULT_DURATION
 from signsplice.splicing.durations import NATURAL as NATURAL_TEMPO
 from signsplice.splicing.engine import SpliceOptions, splice
-from signsplice.splicing.idle_hands import NATURAL, idle_hands
 from signsplice.splicing.learned import FLUENT, NAME
 from signsplice.splicing.options import choose
+from signsplice.splicing.person import TRANSITION, owned_channels
 from signsplice.splicing.seam import DEEP_M
 from signsplice_workshop.measure import faces, motion_scores
 from signsplice_workshop.measure.collisions import hand_penetration
-from signsplice_workshop.measure.hands import keeps_stroke, output_frame, stroke, wrist_joints, wrist_positions
+from signsplice_workshop.measure.hands import (
+    keeps_stroke,
+    output_frame,
+    stroke,
+    word_span,
+    wrist_joints,
+    wrist_positions,
+)
 from signsplice_workshop.measure.measures import (
     Measure,
     Progress,
@@ -156,7 +164,7 @@ class SeamMeasurement:
     arms_down: number of frames between the two strokes in which both arms are down.
     whole: whether the seam keeps both strokes whole.
     depth: greatest depth of a hand in the body in the transition, m; None for a method that makes points only.
-    idle_peak: highest speed of a hand that only goes to rest or comes from it, in the transition and while it rests,
+    idle_peak: highest speed of a hand that only one word owns, in the transition and up to the end of the other stroke,
         m/s; None where no hand does, and for a method that makes points only.
     dip: how far the strong wrist sinks below the lower end of the transition, m.
     stroke_dip: how far it sinks below the lower of the last stroke's end and the next stroke's start, between the two,
@@ -240,7 +248,7 @@ def signature(rest: str = HANGING) -> str:
     return (
         f"joins|words:everyday,{signer},drawn:once|around:{AROUND}|{motion_scores.VELOCITY_JUMP}|{motion_scores.JERK_RATIO}"
         f"|arms-down:{DOWN_FRACTION:g}-of-rise,between-strokes|whole:first-to-last-movement|deep:{1e3 * DEEP_M:g}mm"
-        f"|idle-hand:wrist,transition+rest,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
+        f"|idle-hand:wrist,transition+other-stroke,max|dip:strong-wrist,{1e2 * DIP_M:g}+{1e2 * DEEP_DIP_M:g}cm"
         f"|head:max|elbow-step:{1e2 * ELBOW_STEP_M:g}cm|{faces.SIGNATURE}"
     )
 
@@ -286,7 +294,8 @@ def methods_to_compare(bundle: str | Path | None = None) -> dict[str, SpliceOpti
         methods[f"{FLUENT} + {NAME}"] = replace(learned, cutter=FLUENT)
         methods[f"{NAME} + {NAME}"] = learned
         methods[f"{NAME} + {NAME}, collision avoidance"] = default
-        methods[f"{NAME} + {NAME}, collision avoidance, natural free hand"] = replace(default, free_hand=NATURAL)
+        as_recorded = replace(default, free_hand=TRANSITION, person=0.0)
+        methods[f"{NAME} + {NAME}, collision avoidance, nobody between the signs"] = as_recorded
         methods[f"{NAME} + {NAME}, collision avoidance, natural tempo"] = replace(default, tempo=NATURAL_TEMPO)
     return methods
 
@@ -311,7 +320,7 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     """Measures a seam made by ``splice``."""
     result = splice([before.clip, after.clip], options)
     (seam,) = result.seams
-    left_span, entered_span = (span for span in result.spans if span.kind == "sign")
+    left_span, entered_span = (word_span(result.spans, k) for k in range(2))
     first, stop = left_span.output[1], entered_span.output[0]
     rotations, positions = kinematics.forward(result.clip[first - 1 : stop + 1])
     depth, _ = hand_penetration(result.clip.skeleton, rotations, positions)
@@ -321,15 +330,17 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
     kept_ranges = (0, seam.pre_frame + 1), (seam.post_frame, len(after))
     wrists = wrist_positions(result.clip)
     measured = _measure_seam(wrists, (first, stop), before, after, kept_ranges, deepest)
-    rests = [
-        (hand.side, first, output_frame(entered_span, seam.post_frame + hand.n_rest))
-        if hand.arrives
-        else (hand.side, output_frame(left_span, seam.pre_frame + 1 - hand.n_rest), stop)
-        for hand in idle_hands(before.clip, after.clip, Cut(seam.pre_frame, seam.post_frame))
+    owned = owned_channels(before.clip), owned_channels(after.clip)
+    idle = [
+        (side, first, output_frame(entered_span, stroke(after)[1]))
+        if channel in owned[0]
+        else (side, output_frame(left_span, stroke(before)[0]), stop)
+        for side, channel in enumerate(CHANNELS[:2])
+        if (channel in owned[0]) != (channel in owned[1])
     ]
     strokes = output_frame(left_span, stroke(before)[1]), output_frame(entered_span, stroke(after)[0])
     dip_range = min(round(strokes[0]), first - 1), max(round(strokes[1]), stop)
-    peak, dip = _idle_peak_speed(wrists, rests, result.clip.fps), _dip_depth(wrists, before.signer, *dip_range)
+    peak, dip = _idle_peak_speed(wrists, idle, result.clip.fps), _dip_depth(wrists, before.signer, *dip_range)
     head = rotation.from_matrix(rotations[:, info.roles.joints["head"]])
     elbows = positions[:, [info.arm_joints[1], info.arm_joints[4]]] * info.sizes.unit.metres
     face_jumps, half_blink = faces.find_faults(result.clip.face, (first, stop), before.clip, after.clip)
@@ -345,8 +356,8 @@ def measure_spliced(before: IsolatedWord, after: IsolatedWord, options: SpliceOp
 
 
 def _idle_peak_speed(wrists: FloatArray, rests: Sequence[tuple[int, float, float]], fps: float) -> float | None:
-    """Returns the highest speed (m/s) of idle hands, from wrists (T, 2, 3) and, for each hand, its side and the frames
-    from the begin to the end of the gap and of its rest; None without idle hands.
+    """Returns the highest speed (m/s) of idle hands, from wrists (T, 2, 3) and, for each hand, its side and the first
+    and last frame; None without idle hands.
     """
     last = len(wrists) - 1
     peaks = [

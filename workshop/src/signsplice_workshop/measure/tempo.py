@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -231,8 +231,8 @@ def _measure_signs(result: SpliceResult, words: Sequence[IsolatedWord]) -> Itera
     """Yields the measurement of each sign but the first and the last."""
     fps, wrists = result.clip.fps, wrist_positions(result.clip)
     touching = contact_frames(result.clip)
-    for before, span in zip(result.spans, result.spans[1:-1], strict=False):
-        if span.kind != "sign" or span.source is None or span.clip is None:
+    for before, span in pairwise(result.spans):
+        if span.kind != "sign" or span.source is None or span.clip is None or span.clip == len(words) - 1:
             continue
         word, played = words[span.clip], wrists[slice(*span.output)]
         recorded = wrist_positions(word.clip)[slice(*span.source)]

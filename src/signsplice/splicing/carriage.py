@@ -1,0 +1,309 @@
+"""Head, trunk and eyes between the signs: turns in the channels that no word owns.
+
+The turns are sums of minimum-jerk submovements (Flash and Henis 1991): one where a word begins, partly towards its
+hands, others at irregular times. People's heads are not predicted by their hands (three captures of
+Sign Language of the Netherlands: R2 under 0.4 on parts held out), so these are plausible, not true, and no signer has
+judged them. They ease to zero while a hand is at the head, or touches the trunk. Nothing nods or shakes, since that is
+grammar; only in a question whose brows are by rule does the head lean forward. The eyes undo these turns, so that they
+stay on the addressee, and now and then look at the hands.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from signsplice.body import collision
+from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
+from signsplice.motion.curves import between, minimum_jerk, sparse
+from signsplice.rig.info import active_span, arms, hands_in_trunk_axes, rig_info
+from signsplice.rig.roles import CHANNELS
+from signsplice.splicing.person import REST, find_channel_joints, peak_speed
+from signsplice.splicing.word import AlignedWord
+
+
+@dataclass(frozen=True)
+class TurnSettings:
+    """Sizes and times of the turns of head and trunk. Those of people (three captures): the head on the chest turns by
+    9 to 12 degrees rms over six seconds, at a median speed of 20 degrees/s, the chest on the hips by 1 to 3.6 an axis,
+    at 7 to 9. The head's are smaller here: a turn that means nothing shall not be read as one that does. What is not in
+    these figures was chosen by eye.
+    """
+
+    head_deg: tuple[float, float, float] = (4.5, 9.0, 4.5)
+    """Standard deviations of the head's targets on the chest: forward, left, to the right shoulder, degrees."""
+    trunk_deg: tuple[float, float, float] = (2.3, 3.2, 2.0)
+    """The same of the trunk on the hips."""
+    most_deg: tuple[float, float] = (12.5, 6.0)
+    """Largest target of head and trunk, degrees."""
+    towards_hands_deg: tuple[float, float] = (3.6, 2.4)
+    """Turn of head and trunk towards hands that are one arm length beside the middle, degrees."""
+    move_s: tuple[float, float] = (0.6, 1.1)
+    """Range of the times that a turn takes, s."""
+    fastest_deg_s: float = 24.0
+    """Highest speed of the head in one turn, degrees/s; two may overlap."""
+    early_s: float = 0.15
+    """Largest time before a word is left at which the turn to the next one begins, s."""
+    interval_s: tuple[float, float] = (0.7, 1.9)
+    """Range of the times between turns that no word begins, s."""
+    sway: float = 0.6
+    """Sizes of these turns, standard deviations."""
+    raised_deg: tuple[float, float, float] = (5.0, 0.0, 0.0)
+    """Turn of the head during a question of yes or no, with raised brows: forward (Baker-Shenk 1983; Liddell 1980)."""
+    furrowed_deg: tuple[float, float, float] = (3.0, 0.0, 4.0)
+    """The same during one with a question word, with lowered brows: forward and tilted."""
+    ease_s: float = 0.6
+    """Time in which the turns ease to zero before a touch, s."""
+    return_s: float = 0.9
+    """Time in which they come back after it, s: the head may come back from the hand at the same time."""
+    head_m: tuple[float, float] = (0.02, 0.12)
+    """Distances of a hand from the head at which its turns are zero, and whole, m."""
+    fingertip_m: float = 0.02
+    """Distance of a fingertip, or of the palm's skin, from the nearest joint of the hand, m."""
+    trunk_m: tuple[float, float] = (0.01, 0.05)
+    """The same for the trunk and raised hands."""
+    hanging: float = 0.35
+    """Fraction of the trunk's turns while an owned hand hangs beside the hips, which do not turn."""
+    late: float = 2.0
+    """Speed, in times of that of ``ease_s``, at which turns end before a touch that was not known in time."""
+    glance: float = 0.2
+    """Fraction of the words in which the eyes look at the hands."""
+    glance_delay_s: float = 0.2
+    """Largest time from the beginning of a word to such a look, s."""
+    glance_s: tuple[float, float] = (0.35, 0.6)
+    """Range of the times of such looks, s."""
+    saccade_s: float = 0.07
+    """Time in which the eyes move, s."""
+    eye_height: float = 0.4
+    """Height of the eyes above the shoulders, arm lengths."""
+    eyes_deg: float = 30.0
+    """Turn of an eye whose coefficient is 1, and its largest turn, degrees."""
+
+
+TURNS = TurnSettings()
+_STEP_S = 0.1
+"""Time between the frames in which distances of hands are measured, s."""
+
+
+def measure_freedom(clip: Clip) -> FloatArray:
+    """Returns how far (T, 2) head and trunk may turn in the frames of a clip: 0 while a hand is at them, to 1."""
+    return (clip.source_clip or clip).derived[_freedom]
+
+
+def _freedom(clip: Clip) -> FloatArray:
+    frames = sparse(len(clip), _STEP_S * clip.fps)
+    is_raised = arms(clip).lift[frames] > REST.hanging_height
+    raised = is_raised.any(axis=1)
+    global_rotations, positions = kinematics.forward(at_frames(clip, frames[raised]))
+    posed = collision.pose_capsules(clip.skeleton, global_rotations, positions)
+    metres = rig_info(clip.skeleton).sizes.unit.metres
+    groups, radii = posed.body.groups, posed.body.radii.max(axis=1)
+    free = np.ones((len(frames), 2))
+    for part, (solid, (near, far)) in enumerate(((groups.head, TURNS.head_m), (groups.trunk, TURNS.trunk_m))):
+        rows = list(solid)
+        starts, axes = posed.starts[:, None, rows], (posed.ends - posed.starts)[:, None, rows]
+        for side in (0, 1):
+            hand = positions[:, clip.skeleton.derived[_hand_joints][side], None]  # (F, K, 1, 3)
+            squared = collision.segment_distance_squared(hand, starts, axes, collision.dot(axes, axes))
+            gaps = (np.sqrt(squared) - radii[rows]).min(axis=(1, 2), initial=np.inf)
+            distances = metres * gaps - TURNS.fingertip_m
+            touched = np.where(is_raised[raised, side], np.clip((distances - near) / (far - near), 0.0, 1.0), 1.0)
+            free[raised, part] = np.minimum(free[raised, part], touched)
+    return between(minimum_jerk(free), frames)
+
+
+def _hand_joints(skeleton: Skeleton) -> tuple[list[int], list[int]]:
+    joints = rig_info(skeleton).arm_joints
+    return kinematics.subtree(skeleton, joints[2]), kinematics.subtree(skeleton, joints[5])
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """A minimum-jerk submovement of head and trunk.
+
+    begin_s: its time in the sentence, s.
+    seconds: its duration.
+    angles: (6,) rotation vector of the head on the chest, then of the trunk on the hips, degrees: forward, left, to the
+        right shoulder.
+    """
+
+    begin_s: float
+    seconds: float
+    angles: FloatArray
+
+    @property
+    def end_s(self) -> float:
+        """The time at which it ends, s."""
+        return self.begin_s + self.seconds
+
+
+def _reached(turns: Sequence[Turn], times: FloatArray, n_axes: int) -> FloatArray:
+    """Returns the sum (T, n_axes) of the angles that turns have reached at ``times`` (T,)."""
+    if not turns:
+        return np.zeros((len(times), n_axes))
+    begins, seconds = np.array([(turn.begin_s, turn.seconds) for turn in turns]).T
+    progress = minimum_jerk(np.clip((times[:, None] - begins) / seconds, 0.0, 1.0))  # (T, N)
+    return np.asarray(progress @ np.array([turn.angles for turn in turns]))
+
+
+def _draw(seed: int, text: str) -> np.random.Generator:
+    """Returns the random numbers that belong to a text, such as a word's name."""
+    return np.random.default_rng(zlib.crc32(f"{seed} {text}".encode()))
+
+
+class Carriage:
+    """Head, trunk and eyes of a growing sentence in the channels that no word owns.
+
+    amount: factor of all turns, 0 to 1.
+    """
+
+    def __init__(self, amount: float, seed: int) -> None:
+        self.amount, self._seed = amount, seed
+        self._n_words = self._n_frames = 0
+        self._settled, self._target = np.zeros(6), np.zeros(6)
+        self._turns: list[Turn] = []
+        self._free = np.zeros(3)
+        self._sways_s = 0.0
+        self._glances: list[tuple[Turn, Turn]] = []
+
+    def move(
+        self, n_frames: int, before: AlignedWord, kept: slice, after: AlignedWord | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Returns the turns (T, 2, 3) of head and trunk in the next T frames, those of a word and of the transition
+        after it, and the turns (T, 2) of the eyes down and to the left from straight ahead, degrees.
+
+        n_frames: their number T.
+        kept: the retimed frames of the word that they begin with.
+        after: the next word; None at the end, where the turns end too.
+        """
+        fps, first = before.clip.fps, self._n_frames
+        self._n_frames += n_frames
+        free = self._ease(before, kept, n_frames, after)
+        times = (first + np.arange(n_frames)) / fps
+        stop_s = (first + kept.stop - kept.start) / fps
+        self._begin_turns(first / fps, stop_s, (first + n_frames) / fps, before, after)
+        angles = self._settled + _reached(self._turns, times, 6)
+        turns = self.amount * free[:, :2, None] * angles.reshape(n_frames, 2, 3)
+        looks = self.amount * _reached([turn for pair in self._glances for turn in pair], times, 2)
+        looks = free[:, 2:] * (looks - turns.sum(axis=1)[:, :2])
+        for turn in [turn for turn in self._turns if turn.end_s <= times[-1]]:
+            self._settled = self._settled + turn.angles
+            self._turns.remove(turn)
+        self._glances = [pair for pair in self._glances if pair[1].end_s > times[-1]]
+        return turns, looks
+
+    def _ease(self, before: AlignedWord, kept: slice, n_frames: int, after: AlignedWord | None) -> FloatArray:
+        """Returns factors (n_frames, 3) of the turns of head, trunk and eyes, which change in ``TURNS.ease_s``."""
+        here = _word_freedom(before)[kept]
+        coming = np.zeros((1, 3)) if after is None else _word_freedom(after)[after.first_frame :]
+        n_new = n_frames - len(here)
+        weights = np.linspace(0.0, 1.0, n_new + 2)[1:-1, None]
+        limits = np.concatenate([here, (1.0 - weights) * here[-1:] + weights * coming[:1], coming])
+        step = 1.0 / (TURNS.ease_s * before.clip.fps)
+        rise = step * np.arange(len(limits) + 1)[:, None]
+        limits = np.minimum.accumulate((limits + rise[1:])[::-1])[::-1] - rise[1:]
+        back = rise * TURNS.ease_s / TURNS.return_s
+        eased = np.minimum.accumulate(np.concatenate([self._free[None], limits]) - back) + back
+        eased = np.clip(np.maximum(eased, self._free - TURNS.late * rise)[1 : n_frames + 1], 0.0, 1.0)
+        eased[: len(here), _is_fixed(before)] = 0.0
+        self._free = eased[-1]
+        return minimum_jerk(eased)
+
+    def _begin_turns(
+        self, start_s: float, cut_s: float, stop_s: float, before: AlignedWord, after: AlignedWord | None
+    ) -> None:
+        """Begins the turns of a stretch: with the next word, and at irregular times."""
+        random = _draw(self._seed, f"{before.clip.name} {self._n_words}")
+        self._n_words += 1
+        deviations = np.array([*TURNS.head_deg, *TURNS.trunk_deg])
+        if after is not None:
+            target = deviations * random.normal(size=6) + _towards_hands(after)
+            self._turn_to(target, max(start_s, cut_s - random.uniform(0.0, TURNS.early_s)), random)
+            if random.random() < TURNS.glance:
+                there, back = stop_s + random.uniform(0.0, TURNS.glance_delay_s), random.uniform(*TURNS.glance_s)
+                angles = _towards_eyes(after)
+                glance = Turn(there, TURNS.saccade_s, angles), Turn(there + back, TURNS.saccade_s, -angles)
+                self._glances.append(glance)
+        while self._sways_s < stop_s:
+            self._turn_to(self._target + TURNS.sway * deviations * random.normal(size=6), self._sways_s, random)
+            self._sways_s += random.uniform(*TURNS.interval_s)
+
+    def _turn_to(self, target: FloatArray, begin_s: float, random: np.random.Generator) -> None:
+        """Begins a turn to a target (6,), or towards it as far as ``TURNS.most_deg``."""
+        sizes = np.linalg.norm(target.reshape(2, 3), axis=1, keepdims=True)
+        most = np.array(TURNS.most_deg)[:, None]
+        target = (target.reshape(2, 3) * most / np.maximum(sizes, most)).ravel()
+        angles = target - self._target
+        least_s = peak_speed(float(np.linalg.norm(angles[:3]))) / TURNS.fastest_deg_s
+        self._turns.append(Turn(begin_s, max(random.uniform(*TURNS.move_s), least_s), angles))
+        self._target = target
+
+
+def _word_freedom(word: AlignedWord) -> FloatArray:
+    """Returns how far (T, 3) head, trunk and eyes may turn in the retimed frames of a word: 0 if it owns them, or while
+    a hand is at them, to 1.
+    """
+    lift, free = arms(word.clip).lift, measure_freedom(word.clip)
+    recorded = np.ones((len(free), 3))
+    recorded[:, :2] = free
+    for side, channel in enumerate(CHANNELS[:2]):
+        if channel not in word.paths:  # else it hangs in its clip, but not in the sentence
+            raised = minimum_jerk(np.clip(lift[:, side] / REST.hanging_height, 0.0, 1.0))
+            recorded[:, 1] = np.minimum(recorded[:, 1], TURNS.hanging + (1.0 - TURNS.hanging) * raised)
+    recorded[:, _is_fixed(word)] = 0.0
+    if word.frames.sources is None:
+        return recorded
+    frames = np.arange(len(recorded))
+    return np.stack([np.interp(word.frames.sources, frames, column) for column in recorded.T], axis=1)
+
+
+def _is_fixed(word: AlignedWord) -> list[bool]:
+    """Returns whether head, trunk and eyes (3) of a word are its own, or missing."""
+    return ["head" not in word.planned, "trunk" not in word.planned, not word.face_by_rules]
+
+
+def _towards_hands(word: AlignedWord) -> FloatArray:
+    """Returns the turns (6,) of head and trunk towards the hands of a word, and those of its question, degrees."""
+    owned = [side for side in (0, 1) if CHANNELS[side] in word.owns]
+    angles = np.zeros(6)
+    if owned:
+        x = (word.clip.source_clip or word.clip).derived[_hand_offsets][owned, 0].mean()
+        angles[[1, 4]] = x * np.array(TURNS.towards_hands_deg)
+    if word.brow is not None:
+        angles[:3] += TURNS.raised_deg if word.brow == "raised" else TURNS.furrowed_deg
+    return angles
+
+
+def _towards_eyes(word: AlignedWord) -> FloatArray:
+    """Returns the turn (2,) of the eyes to the hands of a word, down and to the left, degrees."""
+    owned = [side for side in (0, 1) if CHANNELS[side] in word.owns] or [0, 1]
+    x, y, z = (word.clip.source_clip or word.clip).derived[_hand_offsets][owned].mean(axis=0)
+    angles = np.rad2deg([np.arctan2(TURNS.eye_height - y, np.hypot(x, z)), np.arctan2(x, z)])
+    return np.clip(angles, -TURNS.eyes_deg, TURNS.eyes_deg)
+
+
+def _hand_offsets(clip: Clip) -> FloatArray:
+    """Returns mean offsets (2, 3) of the hands from between the shoulders, left, up and forward, arm lengths."""
+    motion, (start, stop) = arms(clip), active_span(arms(clip))
+    wrists, _ = hands_in_trunk_axes(motion)
+    return np.asarray(wrists[start:stop].mean(axis=0) / motion.length)
+
+
+def turn_person(clip: Clip, turns: FloatArray) -> Clip:
+    """Returns a clip with turns (T, 2, 3) of head and trunk, degrees, each shared by the joints that the rig has."""
+    local = np.array(clip.local_rotations)
+    for part, (joints, axes) in enumerate(clip.skeleton.derived[_turned_joints]):
+        if joints and turns[:, part].any():
+            rotvecs = np.einsum("kab,tb->tka", axes, np.deg2rad(turns[:, part] / len(joints)))
+            local[:, joints] = rotation.multiply(local[:, joints], rotation.exp(rotvecs))
+    return copy_unchecked(clip, local_rotations=local)
+
+
+def _turned_joints(skeleton: Skeleton) -> list[tuple[list[int], FloatArray]]:
+    """Returns the joints (K) of head and trunk, with the matrices (K, 3, 3) that bring a turn into their axes."""
+    canonical, channels = rig_info(skeleton).canonical, skeleton.derived[find_channel_joints]
+    matrices = dict(zip(canonical.joints[canonical.has_role].tolist(), canonical.from_canonical, strict=True))
+    return [(channels[part], np.array([matrices[joint] for joint in channels[part]])) for part in ("head", "trunk")]
