@@ -19,7 +19,7 @@ export interface SentenceToken {
   pause: string;
 }
 
-/** Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled letter that are on their way, the arm of one that slides. */
+/** Joints of a sign's span that do not show its clip: those of channels that the word does not own, the fingers of a spelled letter that are on their way, the arm of one that slides. */
 export interface Remade {
   joints: string[];
   frames: [number, number];

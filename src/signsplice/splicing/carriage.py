@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from signsplice.body import collision
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
@@ -33,17 +34,17 @@ class TurnSettings:
     these figures was chosen by eye.
     """
 
-    head_deg: tuple[float, float, float] = (4.5, 9.0, 4.5)
+    head_deg: tuple[float, float, float] = (5.2, 10.4, 5.2)
     """Standard deviations of the head's targets on the chest: forward, left, to the right shoulder, degrees."""
     trunk_deg: tuple[float, float, float] = (2.3, 3.2, 2.0)
     """The same of the trunk on the hips."""
-    most_deg: tuple[float, float] = (12.5, 6.0)
+    most_deg: tuple[float, float] = (14.0, 6.0)
     """Largest target of head and trunk, degrees."""
     towards_hands_deg: tuple[float, float] = (3.6, 2.4)
     """Turn of head and trunk towards hands that are one arm length beside the middle, degrees."""
     move_s: tuple[float, float] = (0.6, 1.1)
     """Range of the times that a turn takes, s."""
-    fastest_deg_s: float = 24.0
+    fastest_deg_s: float = 27.0
     """Highest speed of the head in one turn, degrees/s; two may overlap."""
     early_s: float = 0.15
     """Largest time before a word is left at which the turn to the next one begins, s."""
@@ -67,7 +68,7 @@ class TurnSettings:
     """The same for the trunk and raised hands."""
     hanging: float = 0.35
     """Fraction of the trunk's turns while an owned hand hangs beside the hips, which do not turn."""
-    late: float = 2.0
+    late: float = 1.5
     """Speed, in times of that of ``ease_s``, at which turns end before a touch that was not known in time."""
     glance: float = 0.2
     """Fraction of the words in which the eyes look at the hands."""
@@ -112,7 +113,8 @@ def _freedom(clip: Clip) -> FloatArray:
             distances = metres * gaps - TURNS.fingertip_m
             touched = np.where(is_raised[raised, side], np.clip((distances - near) / (far - near), 0.0, 1.0), 1.0)
             free[raised, part] = np.minimum(free[raised, part], touched)
-    return between(minimum_jerk(free), frames)
+    # The least of half a second: hands that tremble near the head do not shake it.
+    return between(minimum_jerk(minimum_filter1d(free, 5, axis=0, mode="nearest")), frames)
 
 
 def _hand_joints(skeleton: Skeleton) -> tuple[list[int], list[int]]:

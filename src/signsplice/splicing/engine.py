@@ -4,8 +4,9 @@ transition.
     Y = [P_1 .. P_pre, O, Q_post .. Q_M]: frames of the first word up to pre, new frames O, the second word from post
 
 An emitted piece never changes: a word is final as soon as the next word is known. Frames of a sign are those of its
-aligned clip, bit for bit (under a tempo, slerps between them), except where passes edit arms (of idle hands, of spelled
-letters) or rules change the face. Only frames of transitions and pauses are new.
+aligned clip, bit for bit (under a tempo, slerps between them), except in the channels that the word does not own
+(``person``, ``carriage``), where passes edit the hands of spelled letters, or rules change the face. Only frames of
+transitions and pauses are new.
 """
 
 from __future__ import annotations

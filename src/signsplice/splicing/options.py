@@ -250,6 +250,8 @@ class SpliceOptions:
         check_rules(self.face_rules)
         if self.whole_system is not None:
             decided = {field.name: field.default for field in fields(self) if field.name in _DECIDED_BY_SYSTEM}
+            if not self.person:
+                decided.pop("person")  # a system moves no person
             named = [name for name, default in decided.items() if getattr(self, name) not in (default, AUTO)]
             check_alone(self.whole_system, named, self.fps)
         if self.pronunciations is not None and not self.face_rules:

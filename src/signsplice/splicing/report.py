@@ -45,9 +45,9 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     null.
 
     Copying every sign and retraction span from its source (the clip aligned to the first one, at the output rate) and
-    every transition span from the output rebuilds the output exactly, except the joints of a span's ``remade`` (an idle
-    arm's or a spelled letter's), which only the output holds. Stray frames left out at a clip's ends are replaced
-    in its source by the nearest frame of the motion (``rig.inspection.with_ends_held``). A span with a ``warp``
+    every transition span from the output rebuilds the output exactly, except the joints of a span's ``remade`` (of
+    planned channels, or of a spelled letter), which only the output holds. Stray frames left out at a clip's ends are
+    replaced in its source by the nearest frame of the motion (``rig.inspection.with_ends_held``). A span with ``warp``
     shows the listed frames of the source, by slerp between neighbours. A span with a ``pause`` begins
     with it. Optional keys: ``contacts``, if a clip was retargeted: what its hands touch, and whether that is kept;
     ``system``, if a system spliced whole words; ``face``, if the output has one: which clips have their own, and the

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Remade:
-    """Joints of a sign's span that do not show its clip: an idle arm that was given more time, the fingers of a spelled
-    letter that are on their way, the arm of one that slides.
+    """Joints of a sign's span that do not show its clip: those of channels that the word does not own, the fingers of a
+    spelled letter that are on their way, the arm of one that slides.
 
     joints: their names.
-    frames: of the output, half-open; outside them these joints too are the clip's.
+    frames: of the output, half-open; outside them these joints too are the clip's. The whole span if channels are
+        planned.
     """
 
     joints: tuple[str, ...]
@@ -55,7 +56,8 @@ class Span:
     output: frames of the output.
     warp: each output frame with the frame of the clip that it shows, where a tempo or a pause changed when frames come;
         else None.
-    remade: joints whose frames are not those of the clip, an idle arm's or a spelled letter's; None where all are.
+    remade: joints whose frames are not those of the clip: of channels that the word does not own, or of a spelled
+        letter; None where all are.
     pause: of a transition or a retraction that begins with one, else None.
     """
 

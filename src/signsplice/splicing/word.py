@@ -96,8 +96,7 @@ _SOURCES = "a file's is load(path), a gloss's open_lexicon(path).clip(gloss)"
 
 @dataclass(frozen=True, eq=False)
 class Edit:
-    """Replaces the motion of some joints of a word in some frames. After planning, only edits change a
-    word's joints.
+    """Replaces the motion of some joints of a word in some frames, after planning.
 
     joints: K indices.
     first_frame: the first of n frames of the retimed word.
@@ -216,7 +215,8 @@ class ChannelPath:
 
 @dataclass(frozen=True, eq=False)
 class AlignedWord:
-    """A word of a sentence, aligned to the first one. Changes after planning are ``Edit``s at its seams.
+    """A word of a sentence, aligned to the first one. Changes after planning are ``Edit``s at its seams, and as it is
+    emitted the turns of head and trunk (``carriage``).
 
     index: its number in the sentence.
     clip: its aligned clip at the output rate, without stray frames at its ends: input of durations.
