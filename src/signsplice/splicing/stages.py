@@ -42,7 +42,7 @@ from signsplice.splicing.options import Methods, SpliceOptions
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, Pass, Refill
 from signsplice.splicing.pauses import HoldPauses, with_pause
 from signsplice.splicing.person import NATURAL, carry_channels, channel_joints, hold_idle_arms, owned_channels
-from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, SeamKind, plan_seam
+from signsplice.splicing.seam import LETTERS, REFORMED, SIGNS, SLID, Seam, plan_seam
 from signsplice.splicing.systems import NoSpliceError, WholeSystem, misses_message
 from signsplice.splicing.tempo import retime_word
 from signsplice.splicing.word import AlignedWord, FrameMap, Word, cut_words
@@ -200,7 +200,8 @@ class Planner:
             pre = max(pre, last_letter_hold_end(before.clip, before.entry, self.options.sign_speed))
         cut = Cut(pre, chosen.post)
         n_frames, lines = self._n_frames(before, after, cut)
-        return self._plan(SIGNS, before, after, cut, n_frames, (*lines, *warnings))
+        words = self._carry(before, after, cut, n_frames)
+        return plan_seam(SIGNS, *words, cut, n_frames, (*lines, *warnings))
 
     def _seam_of_letters(self, before: AlignedWord, after: AlignedWord, chosen: Cut) -> Seam:
         """Returns the seam of two letters; if no hand is still, joins them as signs, with a warning."""
@@ -216,26 +217,17 @@ class Planner:
         kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
         slide_m = before.slide_m + MOVEMENTS.slide_m if letters.slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
-        return self._plan(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
+        words = self._carry(before, after, cut, n_frames)
+        return plan_seam(kind, *words, cut, n_frames, warnings, arrival_s, slide_m)
 
-    def _plan(
-        self,
-        kind: SeamKind,
-        before: AlignedWord,
-        after: AlignedWord,
-        cut: Cut,
-        n_frames: int,
-        warnings: tuple[str, ...],
-        arrival_s: float = 0.0,
-        slide_m: float = 0.0,
-    ) -> Seam:
-        """Returns the seam of two words (``plan_seam``), whose idle arms and heads are planned unless a system joins
-        whole words.
-        """
-        if self._planned:
-            retimed = Cut(before.frames.last(cut.pre), after.frames.first(cut.post))
-            before, after = carry_channels(before, after, retimed, n_frames, self._planned, self.options.leads_arms)
-        return plan_seam(kind, before, after, cut, n_frames, warnings, arrival_s, slide_m)
+    def _carry(
+        self, before: AlignedWord, after: AlignedWord, cut: Cut, n_frames: int
+    ) -> tuple[AlignedWord, AlignedWord]:
+        """Returns two words with the arms and heads planned that one of them does not own."""
+        if not self._planned:
+            return before, after
+        retimed = Cut(before.frames.last(cut.pre), after.frames.first(cut.post))
+        return carry_channels(before, after, retimed, n_frames, self._planned, self.options.leads_arms)
 
     def _n_frames(self, word: AlignedWord, next_word: AlignedWord, cut: Cut) -> tuple[int, tuple[str, ...]]:
         """Returns the number of new frames, from the user's time or the duration, and warnings; the human median if the
