@@ -11,6 +11,7 @@ from conftest import random_clip
 
 import signsplice as ss
 from other_rigs import mirror
+from reference_poses import arms_out, with_pose
 from signing import sign, word
 from signsplice.body.arm_ik import move_wrists
 from signsplice.body.retarget import align
@@ -281,6 +282,19 @@ def test_a_neck_that_carries_the_arms_is_not_turned() -> None:
     joints = find_channel_joints(replace(skeleton, parents=parents))
     assert names["mixamorig:Neck"] not in joints["head"]
     assert joints["head"] == [names["mixamorig:Head"]]
+
+
+@pytest.mark.parametrize("fps", [30.0, 24.0])
+def test_a_t_pose_at_the_end_of_a_clip_is_no_motion_of_its_word(fps: float) -> None:
+    teach, i, book = clips("TEACH I BOOK")
+    with_stray = with_pose(i, arms_out(i.skeleton), 3, 4, at_end=True)
+    plain, stray = (
+        ss.splice(given, ss.SpliceOptions(fps=fps)) for given in ([teach, i, book], [teach, with_stray, book])
+    )
+    assert plain.person is not None
+    assert stray.person is not None
+    assert stray.person.planned == plain.person.planned
+    np.testing.assert_allclose(stray.clip.local_rotations, plain.clip.local_rotations, atol=2e-3)
 
 
 def test_letters_move_their_free_fingers_after_a_sign_of_two_hands() -> None:

@@ -91,7 +91,7 @@ _STEP_S = 0.1
 
 def measure_freedom(clip: Clip) -> FloatArray:
     """Returns how far (T, 2) head and trunk may turn in the frames of a clip: 0 while a hand is at them, to 1."""
-    return (clip.source_clip or clip).derived[_freedom]
+    return clip.derived[_freedom]
 
 
 def _freedom(clip: Clip) -> FloatArray:
@@ -248,7 +248,8 @@ def _word_freedom(word: AlignedWord) -> FloatArray:
     """Returns how far (T, 3) head, trunk and eyes may turn in the retimed frames of a word: 0 if it owns them, or while
     a hand is at them, to 1.
     """
-    lift, free = arms(word.clip).lift, measure_freedom(word.clip)
+    measured = word.measured or word.clip
+    lift, free = arms(measured).lift, measure_freedom(measured)
     recorded = np.ones((len(free), 3))
     recorded[:, :2] = free
     for side, channel in enumerate(CHANNELS[:2]):
@@ -256,10 +257,9 @@ def _word_freedom(word: AlignedWord) -> FloatArray:
             raised = minimum_jerk(np.clip(lift[:, side] / REST.hanging_height, 0.0, 1.0))
             recorded[:, 1] = np.minimum(recorded[:, 1], TURNS.hanging + (1.0 - TURNS.hanging) * raised)
     recorded[:, _is_fixed(word)] = 0.0
-    if word.frames.sources is None:
-        return recorded
-    frames = np.arange(len(recorded))
-    return np.stack([np.interp(word.frames.sources, frames, column) for column in recorded.T], axis=1)
+    shown = np.arange(len(word.retimed)) if word.frames.sources is None else word.frames.sources
+    rows = shown if measured is word.clip else shown * word.own_step  # frames of the caller's clip
+    return np.stack([np.interp(rows, np.arange(len(recorded)), column) for column in recorded.T], axis=1)
 
 
 def _is_fixed(word: AlignedWord) -> list[bool]:
@@ -272,7 +272,7 @@ def _towards_hands(word: AlignedWord) -> FloatArray:
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns]
     angles = np.zeros(6)
     if owned:
-        x = (word.clip.source_clip or word.clip).derived[_hand_offsets][owned, 0].mean()
+        x = (word.measured or word.clip).derived[_hand_offsets][owned, 0].mean()
         angles[[1, 4]] = x * np.array(TURNS.towards_hands_deg)
     if word.brow is not None:
         angles[:3] += TURNS.raised_deg if word.brow == "raised" else TURNS.furrowed_deg
@@ -282,7 +282,7 @@ def _towards_hands(word: AlignedWord) -> FloatArray:
 def _towards_eyes(word: AlignedWord) -> FloatArray:
     """Returns the turn (2,) of the eyes to the hands of a word, down and to the left, degrees."""
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns] or [0, 1]
-    x, y, z = (word.clip.source_clip or word.clip).derived[_hand_offsets][owned].mean(axis=0)
+    x, y, z = (word.measured or word.clip).derived[_hand_offsets][owned].mean(axis=0)
     angles = np.rad2deg([np.arctan2(TURNS.eye_height - y, np.hypot(x, z)), np.arctan2(x, z)])
     return np.clip(angles, -TURNS.eyes_deg, TURNS.eyes_deg)
 

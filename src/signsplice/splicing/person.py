@@ -113,7 +113,7 @@ _N_STEPS = 8
 
 def owned_channels(clip: Clip) -> frozenset[str]:
     """Returns the channels that move in a clip; all if the rig's arms are not known by name."""
-    return (clip.source_clip or clip).derived[_owned_channels]
+    return clip.derived[_owned_channels]
 
 
 def _owned_channels(clip: Clip) -> frozenset[str]:

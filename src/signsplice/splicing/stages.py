@@ -130,10 +130,14 @@ class Planner:
         """Returns the word with the channels that it owns, and head and trunk among the planned ones if they move."""
         if not (self._planned and rig_info(word.clip.skeleton).has_arms):
             return word
-        owns = owned_channels(word.own or word.clip) if given.owns is None else given.owns
+        clip = with_rest_pose(given.clip)
+        if with_ends_held(clip) is not clip:  # it has stray frames
+            clip = word.clip
+        owns = owned_channels(clip) if given.owns is None else given.owns
         moved = CHANNELS[2:] if self.options.moves_person else ()
         planned = tuple(part for part in moved if part not in owns and channel_joints(word.clip, part))
-        return replace(word, owns=owns, planned=planned, brow=given.brow if BROWS in self.options.face_rules else None)
+        brow = given.brow if BROWS in self.options.face_rules else None
+        return replace(word, measured=clip, owns=owns, planned=planned, brow=brow)
 
     def cuts(self, words: Sequence[AlignedWord]) -> list[Cut]:
         """Returns the cutter's choice for every two neighbours; none if a system joins them."""

@@ -235,6 +235,7 @@ class AlignedWord:
     own_step: number of frames of ``own`` per frame of ``clip``.
     own_first: the frame of ``own`` that the first frame of ``clip`` shows, a fraction.
     keyed: whether its recording was drawn between keys (``rig.keyedness``).
+    measured: the clip of which channels are measured: the caller's, so that it is done once, or ``clip``.
     brow: as in ``Word``.
     owns: the channels (``roles.CHANNELS``) that belong to it.
     paths: how the channels that it does not own come from the words before (``person``).
@@ -258,6 +259,7 @@ class AlignedWord:
     own_step: float = 1.0
     own_first: float = 0.0
     keyed: bool = False
+    measured: Clip | None = None
     brow: str | None = None
     owns: frozenset[str] = frozenset(CHANNELS)
     paths: Mapping[str, ChannelPath] = field(default_factory=dict)
