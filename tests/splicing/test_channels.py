@@ -22,7 +22,7 @@ from signsplice.rig.info import arms, canonical_motion, rig_info
 from signsplice.rig.roles import CHANNELS
 from signsplice.signer import planner
 from signsplice.signer.signer import RESTS, STANDARD
-from signsplice.splicing.carriage import TURNS, measure_freedom
+from signsplice.splicing.carriage import POSTURE, measure_freedom
 from signsplice.splicing.collisions import TOLERANCE_M
 from signsplice.splicing.faces import RULES
 from signsplice.splicing.person import NATURAL, channel_joints, find_channel_joints, owned_channels
@@ -237,7 +237,7 @@ def test_eyes_stay_on_the_addressee_while_the_head_turns() -> None:
     front = np.array([0.0, 0.0, 1.0])
     turns = [rotation.rotate(global_heads(made.clip), front) for made in (result, recorded)]
     yaw = np.rad2deg(np.arctan2(turns[0][:, 0], turns[0][:, 2]) - np.arctan2(turns[1][:, 0], turns[1][:, 2]))
-    watched = np.abs(yaw + left * TURNS.eyes_deg) < 2.0
+    watched = np.abs(yaw + left * POSTURE.eyes_deg) < 2.0
     assert np.abs(yaw).max() > 3.0
     assert watched.mean() > 0.6, "else they look at the hands"
 

@@ -1,10 +1,10 @@
-"""Head, trunk and eyes between the signs: turns in the channels that no word owns.
+"""Head, trunk and eyes between the signs: rotations added in the channels that no word owns.
 
-The turns are sums of minimum-jerk submovements (Flash and Henis 1991): one where a word begins, partly towards its
+The rotations are sums of minimum-jerk submovements (Flash and Henis 1991): one where a word begins, partly towards its
 hands, others at irregular times. People's heads are not predicted by their hands (three captures of
 Sign Language of the Netherlands: R2 under 0.4 on parts held out), so these are plausible, not true, and no signer has
 judged them. They ease to zero while a hand is at the head, or touches the trunk. Nothing nods or shakes, since that is
-grammar; only in a question whose brows are by rule does the head lean forward. The eyes undo these turns, so that they
+grammar; only in a question whose brows are by rule does the head lean forward. The eyes undo them, so that they
 stay on the addressee, and now and then look at the hands.
 """
 
@@ -27,8 +27,8 @@ from signsplice.splicing.word import AlignedWord
 
 
 @dataclass(frozen=True)
-class TurnSettings:
-    """Sizes and times of the turns of head and trunk. Those of people (three captures): the head on the chest turns by
+class PostureSettings:
+    """Sizes and times of the motion of head and trunk. Those of people (three captures): the head on the chest turns by
     9 to 12 degrees rms over six seconds, at a median speed of 20 degrees/s, the chest on the hips by 1 to 3.6 an axis,
     at 7 to 9. The head's are smaller here: a turn that means nothing shall not be read as one that does. What is not in
     these figures was chosen by eye.
@@ -41,35 +41,35 @@ class TurnSettings:
     most_deg: tuple[float, float] = (14.0, 6.0)
     """Largest target of head and trunk, degrees."""
     towards_hands_deg: tuple[float, float] = (3.6, 2.4)
-    """Turn of head and trunk towards hands that are one arm length beside the middle, degrees."""
+    """Rotation of head and trunk towards hands that are one arm length beside the middle, degrees."""
     move_s: tuple[float, float] = (0.6, 1.1)
-    """Range of the times that a turn takes, s."""
+    """Range of the durations of a submovement, s."""
     fastest_deg_s: float = 27.0
-    """Highest speed of the head in one turn, degrees/s; two may overlap."""
+    """Highest speed of the head in one submovement, degrees/s; two may overlap."""
     early_s: float = 0.15
-    """Largest time before a word is left at which the turn to the next one begins, s."""
+    """Largest time before a word is left at which the submovement to the next one begins, s."""
     interval_s: tuple[float, float] = (0.7, 1.9)
-    """Range of the times between turns that no word begins, s."""
+    """Range of the times between submovements that no word begins, s."""
     sway: float = 0.6
-    """Sizes of these turns, standard deviations."""
+    """Sizes of these submovements, standard deviations."""
     raised_deg: tuple[float, float, float] = (5.0, 0.0, 0.0)
-    """Turn of the head during a question of yes or no, with raised brows: forward (Baker-Shenk 1983; Liddell 1980)."""
+    """Rotation of the head in a question of yes or no, with raised brows: forward (Baker-Shenk 1983; Liddell 1980)."""
     furrowed_deg: tuple[float, float, float] = (3.0, 0.0, 4.0)
     """The same during one with a question word, with lowered brows: forward and tilted."""
     ease_s: float = 0.6
-    """Time in which the turns ease to zero before a touch, s."""
+    """Time in which the rotations ease to zero before a touch, s."""
     return_s: float = 0.9
     """Time in which they come back after it, s: the head may come back from the hand at the same time."""
     head_m: tuple[float, float] = (0.02, 0.12)
-    """Distances of a hand from the head at which its turns are zero, and whole, m."""
+    """Distances of a hand from the head at which its rotations are zero, and whole, m."""
     fingertip_m: float = 0.02
     """Distance of a fingertip, or of the palm's skin, from the nearest joint of the hand, m."""
     trunk_m: tuple[float, float] = (0.01, 0.05)
     """The same for the trunk and raised hands."""
     hanging: float = 0.35
-    """Fraction of the trunk's turns while an owned hand hangs beside the hips, which do not turn."""
+    """Fraction of the trunk's rotations while an owned hand hangs beside the hips, which do not move."""
     late: float = 1.5
-    """Speed, in times of that of ``ease_s``, at which turns end before a touch that was not known in time."""
+    """Speed, in times of that of ``ease_s``, at which rotations end before a touch that was not known in time."""
     glance: float = 0.2
     """Fraction of the words in which the eyes look at the hands."""
     glance_delay_s: float = 0.2
@@ -81,10 +81,10 @@ class TurnSettings:
     eye_height: float = 0.4
     """Height of the eyes above the shoulders, arm lengths."""
     eyes_deg: float = 30.0
-    """Turn of an eye whose coefficient is 1, and its largest turn, degrees."""
+    """Angle of an eye whose coefficient is 1, and its largest angle, degrees."""
 
 
-TURNS = TurnSettings()
+POSTURE = PostureSettings()
 _STEP_S = 0.1
 """Time between the frames in which distances of hands are measured, s."""
 
@@ -103,14 +103,14 @@ def _freedom(clip: Clip) -> FloatArray:
     metres = rig_info(clip.skeleton).sizes.unit.metres
     groups, radii = posed.body.groups, posed.body.radii.max(axis=1)
     free = np.ones((len(frames), 2))
-    for part, (solid, (near, far)) in enumerate(((groups.head, TURNS.head_m), (groups.trunk, TURNS.trunk_m))):
+    for part, (solid, (near, far)) in enumerate(((groups.head, POSTURE.head_m), (groups.trunk, POSTURE.trunk_m))):
         rows = list(solid)
         starts, axes = posed.starts[:, None, rows], (posed.ends - posed.starts)[:, None, rows]
         for side in (0, 1):
             hand = positions[:, clip.skeleton.derived[_hand_joints][side], None]  # (F, K, 1, 3)
             squared = collision.segment_distance_squared(hand, starts, axes, collision.dot(axes, axes))
             gaps = (np.sqrt(squared) - radii[rows]).min(axis=(1, 2), initial=np.inf)
-            distances = metres * gaps - TURNS.fingertip_m
+            distances = metres * gaps - POSTURE.fingertip_m
             touched = np.where(is_raised[raised, side], np.clip((distances - near) / (far - near), 0.0, 1.0), 1.0)
             free[raised, part] = np.minimum(free[raised, part], touched)
     # The least of half a second: hands that tremble near the head do not shake it.
@@ -123,7 +123,7 @@ def _hand_joints(skeleton: Skeleton) -> tuple[list[int], list[int]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
+class Submovement:
     """A minimum-jerk submovement of head and trunk.
 
     begin_s: its time in the sentence, s.
@@ -142,13 +142,13 @@ class Turn:
         return self.begin_s + self.seconds
 
 
-def _reached(turns: Sequence[Turn], times: FloatArray, n_axes: int) -> FloatArray:
-    """Returns the sum (T, n_axes) of the angles that turns have reached at ``times`` (T,)."""
-    if not turns:
+def _sum_submovements(submovements: Sequence[Submovement], times: FloatArray, n_axes: int) -> FloatArray:
+    """Returns the sum (T, n_axes) of the angles that submovements have reached at ``times`` (T,)."""
+    if not submovements:
         return np.zeros((len(times), n_axes))
-    begins, seconds = np.array([(turn.begin_s, turn.seconds) for turn in turns]).T
+    begins, seconds = np.array([(step.begin_s, step.seconds) for step in submovements]).T
     progress = minimum_jerk(np.clip((times[:, None] - begins) / seconds, 0.0, 1.0))  # (T, N)
-    return np.asarray(progress @ np.array([turn.angles for turn in turns]))
+    return np.asarray(progress @ np.array([step.angles for step in submovements]))
 
 
 def _draw(seed: int, text: str) -> np.random.Generator:
@@ -159,88 +159,91 @@ def _draw(seed: int, text: str) -> np.random.Generator:
 class Carriage:
     """Head, trunk and eyes of a growing sentence in the channels that no word owns.
 
-    amount: factor of all turns, 0 to 1.
+    amount: factor of all rotations, 0 to 1.
     """
 
     def __init__(self, amount: float, seed: int) -> None:
         self.amount, self._seed = amount, seed
         self._n_words = self._n_frames = 0
         self._settled, self._target = np.zeros(6), np.zeros(6)
-        self._turns: list[Turn] = []
+        self._submovements: list[Submovement] = []
         self._free = np.zeros(3)
         self._sways_s = 0.0
-        self._glances: list[tuple[Turn, Turn]] = []
+        self._glances: list[tuple[Submovement, Submovement]] = []
 
     def move(
         self, n_frames: int, before: AlignedWord, kept: slice, after: AlignedWord | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns the turns (T, 2, 3) of head and trunk in the next T frames, those of a word and of the transition
-        after it, and the turns (T, 2) of the eyes down and to the left from straight ahead, degrees.
+        """Returns the rotation vectors (T, 2, 3) of head and trunk in the next T frames, those of a word and of the
+        transition after it, and the angles (T, 2) of the eyes down and to the left from straight ahead, degrees.
 
         n_frames: their number T.
         kept: the retimed frames of the word that they begin with.
-        after: the next word; None at the end, where the turns end too.
+        after: the next word; None at the end, where head and trunk come to rest.
         """
         fps, first = before.clip.fps, self._n_frames
         self._n_frames += n_frames
         free = self._ease(before, kept, n_frames, after)
         times = (first + np.arange(n_frames)) / fps
         stop_s = (first + kept.stop - kept.start) / fps
-        self._begin_turns(first / fps, stop_s, (first + n_frames) / fps, before, after)
-        angles = self._settled + _reached(self._turns, times, 6)
-        turns = self.amount * free[:, :2, None] * angles.reshape(n_frames, 2, 3)
-        looks = self.amount * _reached([turn for pair in self._glances for turn in pair], times, 2)
-        looks = free[:, 2:] * (looks - turns.sum(axis=1)[:, :2])
-        for turn in [turn for turn in self._turns if turn.end_s <= times[-1]]:
-            self._settled = self._settled + turn.angles
-            self._turns.remove(turn)
+        self._add_submovements(first / fps, stop_s, (first + n_frames) / fps, before, after)
+        angles = self._settled + _sum_submovements(self._submovements, times, 6)
+        angles = self.amount * free[:, :2, None] * angles.reshape(n_frames, 2, 3)
+        looks = self.amount * _sum_submovements([step for pair in self._glances for step in pair], times, 2)
+        looks = free[:, 2:] * (looks - angles.sum(axis=1)[:, :2])
+        for submovement in [step for step in self._submovements if step.end_s <= times[-1]]:
+            self._settled = self._settled + submovement.angles
+            self._submovements.remove(submovement)
         self._glances = [pair for pair in self._glances if pair[1].end_s > times[-1]]
-        return turns, looks
+        return angles, looks
 
     def _ease(self, before: AlignedWord, kept: slice, n_frames: int, after: AlignedWord | None) -> FloatArray:
-        """Returns factors (n_frames, 3) of the turns of head, trunk and eyes, which change in ``TURNS.ease_s``."""
+        """Returns factors (n_frames, 3) of the rotations of head, trunk and eyes; they change in ``POSTURE.ease_s``."""
         here = _word_freedom(before)[kept]
         coming = np.zeros((1, 3)) if after is None else _word_freedom(after)[after.first_frame :]
         n_new = n_frames - len(here)
         weights = np.linspace(0.0, 1.0, n_new + 2)[1:-1, None]
         limits = np.concatenate([here, (1.0 - weights) * here[-1:] + weights * coming[:1], coming])
-        step = 1.0 / (TURNS.ease_s * before.clip.fps)
+        step = 1.0 / (POSTURE.ease_s * before.clip.fps)
         rise = step * np.arange(len(limits) + 1)[:, None]
         limits = np.minimum.accumulate((limits + rise[1:])[::-1])[::-1] - rise[1:]
-        back = rise * TURNS.ease_s / TURNS.return_s
+        back = rise * POSTURE.ease_s / POSTURE.return_s
         eased = np.minimum.accumulate(np.concatenate([self._free[None], limits]) - back) + back
-        eased = np.clip(np.maximum(eased, self._free - TURNS.late * rise)[1 : n_frames + 1], 0.0, 1.0)
+        eased = np.clip(np.maximum(eased, self._free - POSTURE.late * rise)[1 : n_frames + 1], 0.0, 1.0)
         eased[: len(here), _is_fixed(before)] = 0.0
         self._free = eased[-1]
         return minimum_jerk(eased)
 
-    def _begin_turns(
+    def _add_submovements(
         self, start_s: float, cut_s: float, stop_s: float, before: AlignedWord, after: AlignedWord | None
     ) -> None:
-        """Begins the turns of a stretch: with the next word, and at irregular times."""
+        """Adds the submovements of a stretch: one with the next word, others at irregular times."""
         random = _draw(self._seed, f"{before.clip.name} {self._n_words}")
         self._n_words += 1
-        deviations = np.array([*TURNS.head_deg, *TURNS.trunk_deg])
+        deviations = np.array([*POSTURE.head_deg, *POSTURE.trunk_deg])
         if after is not None:
             target = deviations * random.normal(size=6) + _towards_hands(after)
-            self._turn_to(target, max(start_s, cut_s - random.uniform(0.0, TURNS.early_s)), random)
-            if random.random() < TURNS.glance:
-                there, back = stop_s + random.uniform(0.0, TURNS.glance_delay_s), random.uniform(*TURNS.glance_s)
+            self._move_to(target, max(start_s, cut_s - random.uniform(0.0, POSTURE.early_s)), random)
+            if random.random() < POSTURE.glance:
+                there, back = stop_s + random.uniform(0.0, POSTURE.glance_delay_s), random.uniform(*POSTURE.glance_s)
                 angles = _towards_eyes(after)
-                glance = Turn(there, TURNS.saccade_s, angles), Turn(there + back, TURNS.saccade_s, -angles)
+                glance = (
+                    Submovement(there, POSTURE.saccade_s, angles),
+                    Submovement(there + back, POSTURE.saccade_s, -angles),
+                )
                 self._glances.append(glance)
         while self._sways_s < stop_s:
-            self._turn_to(self._target + TURNS.sway * deviations * random.normal(size=6), self._sways_s, random)
-            self._sways_s += random.uniform(*TURNS.interval_s)
+            self._move_to(self._target + POSTURE.sway * deviations * random.normal(size=6), self._sways_s, random)
+            self._sways_s += random.uniform(*POSTURE.interval_s)
 
-    def _turn_to(self, target: FloatArray, begin_s: float, random: np.random.Generator) -> None:
-        """Begins a turn to a target (6,), or towards it as far as ``TURNS.most_deg``."""
+    def _move_to(self, target: FloatArray, begin_s: float, random: np.random.Generator) -> None:
+        """Adds a submovement to a target (6,), or towards it as far as ``POSTURE.most_deg``."""
         sizes = np.linalg.norm(target.reshape(2, 3), axis=1, keepdims=True)
-        most = np.array(TURNS.most_deg)[:, None]
+        most = np.array(POSTURE.most_deg)[:, None]
         target = (target.reshape(2, 3) * most / np.maximum(sizes, most)).ravel()
         angles = target - self._target
-        least_s = peak_speed(float(np.linalg.norm(angles[:3]))) / TURNS.fastest_deg_s
-        self._turns.append(Turn(begin_s, max(random.uniform(*TURNS.move_s), least_s), angles))
+        least_s = peak_speed(float(np.linalg.norm(angles[:3]))) / POSTURE.fastest_deg_s
+        self._submovements.append(Submovement(begin_s, max(random.uniform(*POSTURE.move_s), least_s), angles))
         self._target = target
 
 
@@ -255,7 +258,7 @@ def _word_freedom(word: AlignedWord) -> FloatArray:
     for side, channel in enumerate(CHANNELS[:2]):
         if channel not in word.paths:  # else it hangs in its clip, but not in the sentence
             raised = minimum_jerk(np.clip(lift[:, side] / REST.hanging_height, 0.0, 1.0))
-            recorded[:, 1] = np.minimum(recorded[:, 1], TURNS.hanging + (1.0 - TURNS.hanging) * raised)
+            recorded[:, 1] = np.minimum(recorded[:, 1], POSTURE.hanging + (1.0 - POSTURE.hanging) * raised)
     recorded[:, _is_fixed(word)] = 0.0
     shown = np.arange(len(word.retimed)) if word.frames.sources is None else word.frames.sources
     rows = shown if measured is word.clip else shown * word.own_step  # frames of the caller's clip
@@ -268,23 +271,23 @@ def _is_fixed(word: AlignedWord) -> list[bool]:
 
 
 def _towards_hands(word: AlignedWord) -> FloatArray:
-    """Returns the turns (6,) of head and trunk towards the hands of a word, and those of its question, degrees."""
+    """Returns the rotations (6,) of head and trunk towards the hands of a word, and for its question, degrees."""
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns]
     angles = np.zeros(6)
     if owned:
         x = (word.measured or word.clip).derived[_hand_offsets][owned, 0].mean()
-        angles[[1, 4]] = x * np.array(TURNS.towards_hands_deg)
+        angles[[1, 4]] = x * np.array(POSTURE.towards_hands_deg)
     if word.brow is not None:
-        angles[:3] += TURNS.raised_deg if word.brow == "raised" else TURNS.furrowed_deg
+        angles[:3] += POSTURE.raised_deg if word.brow == "raised" else POSTURE.furrowed_deg
     return angles
 
 
 def _towards_eyes(word: AlignedWord) -> FloatArray:
-    """Returns the turn (2,) of the eyes to the hands of a word, down and to the left, degrees."""
+    """Returns the angles (2,) of the eyes to the hands of a word, down and to the left, degrees."""
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns] or [0, 1]
     x, y, z = (word.measured or word.clip).derived[_hand_offsets][owned].mean(axis=0)
-    angles = np.rad2deg([np.arctan2(TURNS.eye_height - y, np.hypot(x, z)), np.arctan2(x, z)])
-    return np.clip(angles, -TURNS.eyes_deg, TURNS.eyes_deg)
+    angles = np.rad2deg([np.arctan2(POSTURE.eye_height - y, np.hypot(x, z)), np.arctan2(x, z)])
+    return np.clip(angles, -POSTURE.eyes_deg, POSTURE.eyes_deg)
 
 
 def _hand_offsets(clip: Clip) -> FloatArray:
@@ -294,18 +297,20 @@ def _hand_offsets(clip: Clip) -> FloatArray:
     return np.asarray(wrists[start:stop].mean(axis=0) / motion.length)
 
 
-def turn_person(clip: Clip, turns: FloatArray) -> Clip:
-    """Returns a clip with turns (T, 2, 3) of head and trunk, degrees, each shared by the joints that the rig has."""
+def rotate_person(clip: Clip, angles: FloatArray) -> Clip:
+    """Returns a clip with head and trunk rotated by vectors ``angles`` (T, 2, 3), degrees, each shared by the joints
+    that the rig has.
+    """
     local = np.array(clip.local_rotations)
-    for part, (joints, axes) in enumerate(clip.skeleton.derived[_turned_joints]):
-        if joints and turns[:, part].any():
-            rotvecs = np.einsum("kab,tb->tka", axes, np.deg2rad(turns[:, part] / len(joints)))
+    for part, (joints, axes) in enumerate(clip.skeleton.derived[_rotated_joints]):
+        if joints and angles[:, part].any():
+            rotvecs = np.einsum("kab,tb->tka", axes, np.deg2rad(angles[:, part] / len(joints)))
             local[:, joints] = rotation.multiply(local[:, joints], rotation.exp(rotvecs))
     return copy_unchecked(clip, local_rotations=local)
 
 
-def _turned_joints(skeleton: Skeleton) -> list[tuple[list[int], FloatArray]]:
-    """Returns the joints (K) of head and trunk, with the matrices (K, 3, 3) that bring a turn into their axes."""
+def _rotated_joints(skeleton: Skeleton) -> list[tuple[list[int], FloatArray]]:
+    """Returns the joints (K) of head and trunk, and matrices (K, 3, 3) that bring a rotation vector into their axes."""
     canonical, channels = rig_info(skeleton).canonical, skeleton.derived[find_channel_joints]
     matrices = dict(zip(canonical.joints[canonical.has_role].tolist(), canonical.from_canonical, strict=True))
     return [(channels[part], np.array([matrices[joint] for joint in channels[part]])) for part in ("head", "trunk")]

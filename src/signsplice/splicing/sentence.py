@@ -14,7 +14,7 @@ from signsplice.motion import Clip, FloatArray
 from signsplice.rig.align import Reference
 from signsplice.rig.info import rig_info
 from signsplice.splicing import stages
-from signsplice.splicing.carriage import TURNS, Carriage, turn_person
+from signsplice.splicing.carriage import POSTURE, Carriage, rotate_person
 from signsplice.splicing.faces import BLINKS, BROWS, GAZE, Blinks, open_eyes, relax_brows, turn_eyes, with_rules
 from signsplice.splicing.options import SpliceOptions, not_options
 from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
@@ -131,9 +131,8 @@ class Sentence:
         began, last = perf_counter(), len(word.clip) - 1
         if self.options.whole_system is None:
             last = last_left(word, self.planner.methods.cutter, self.options.sign_speed)
-            word = (
-                replace(word, planned=()) if entered_by is None else retract(word, self.options.leads_arms)
-            )  # one word alone is its clip
+            is_alone = entered_by is None  # then it is its clip
+            word = replace(word, planned=()) if is_alone else retract(word, self.options.leads_arms)
         cut = perf_counter()
         edits, n_frames = () if entered_by is None else entered_by.entering, len(word.retimed)
         sign = _sign_piece(word, entered_by, edits, n_frames, self._n_out)
@@ -179,13 +178,13 @@ class Sentence:
         if not (self.options.moves_person and rig_info(word.clip.skeleton).has_arms):
             return list(pieces)
         n_frames = sum(len(piece.clip) for piece in pieces)
-        turns, looks = self._carriage.move(n_frames, word, kept, after)
+        angles, looks = self._carriage.move(n_frames, word, kept, after)
         carried, start = list[Piece](), 0
         for piece in pieces:
             frames = slice(start, start := start + len(piece.clip))
-            clip = turn_person(piece.clip, turns[frames])
+            clip = rotate_person(piece.clip, angles[frames])
             if GAZE in self.face_rules and looks[frames].any():
-                clip = turn_eyes(clip, looks[frames] / TURNS.eyes_deg)
+                clip = turn_eyes(clip, looks[frames] / POSTURE.eyes_deg)
             carried.append(replace(piece, clip=clip))
         return carried
 
