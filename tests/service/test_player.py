@@ -177,7 +177,7 @@ def test_a_stream_waits_while_it_is_paused_and_then_comes_whole(seen: dict[str, 
     stream = seen["stream"]
     assert len(stream["words"]) == 100
     assert stream["sentPaused"] < 5, "of at least thirteen"
-    assert stream["paused"]["duration"] < 15
+    assert stream["paused"]["duration"] < 20, "of more than 90 s"
     (unknown,) = (word for word in stream["words"] if not word.isascii())
     known = [word for word in stream["words"] if word != unknown]
     texts = [message["text"] for message in stream["sent"] if message["type"] == "text"]
@@ -204,8 +204,8 @@ def test_a_stream_shows_what_the_whole_sentence_shows(seen: dict[str, Any]) -> N
         for key in ("points", "whole")
     )
     assert np.ptp(whole[:, 4]) > 0.2, "hands move"
-    # Where a signer stands is of one word here, of the sentence there.
-    np.testing.assert_allclose(streamed - streamed[0], whole - whole[0], atol=2e-3)
+    # Where a signer stands and faces is of one word here, of the sentence there: hands are turned by under 1 degree.
+    np.testing.assert_allclose(streamed - streamed[0], whole - whole[0], atol=6e-3)
     np.testing.assert_allclose(streamed[0], whole[0], atol=2e-2)
 
 
