@@ -326,6 +326,32 @@ def test_methods_are_listed_with_their_defaults(signsplice: Call) -> None:
     assert len(signsplice("methods").stdout.splitlines()) == len(rows)
 
 
+def test_a_wrong_rate_is_corrected_by_every_command_that_reads_files(folder: Path, signsplice: Call) -> None:
+    wrong = re.sub("Frame Time:.*", "Frame Time: 30", (folder / "HELLO.bvh").read_text())
+    (folder / "wrong.bvh").write_text(wrong)
+    right = json.loads(signsplice("inspect", "HELLO.bvh", "--json").stdout)
+    run = signsplice("inspect", "wrong.bvh", "--json", "--input-fps", f"{right['fps']}")
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout)["seconds"] == right["seconds"]
+    for call in (
+        ("splice", "wrong.bvh", "wrong.bvh", "-o", "out.bvh"),
+        ("inbetween", "wrong.bvh", "--gap", "10:14", "-o", "out.bvh"),
+        ("convert", "wrong.bvh", "out.glb"),
+        ("render", "wrong.bvh", "out.png"),
+        ("view", "wrong.bvh", "-o", "out.html"),
+        ("evaluate", "clips", "wrong.bvh"),
+    ):
+        run = signsplice(*call, "--input-fps", "25")
+        assert run.returncode == 0, (call, run.stderr)
+    (folder / "clips").mkdir()
+    (folder / "wrong.bvh").rename(folder / "clips" / "wrong.bvh")
+    assert signsplice("lexicon", "build", "clips", "-o", "lex", "--input-fps", "25").returncode == 0
+    (word,) = json.loads(signsplice("lexicon", "list", "lex", "--json").stdout)["words"]
+    assert (word["fps"], word["frames"]) == (25.0, right["frames"])
+    run = signsplice("inspect", "HELLO.bvh", "--input-fps", "0")
+    assert (run.returncode, run.stderr) == (2, "error: fps 0, expected frames a second, above 0\n")
+
+
 def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str, Clip], signsplice: Call) -> None:
     save(words["SIGN"][:50], folder / "short.bvh")
     text = (folder / "short.bvh").read_text()

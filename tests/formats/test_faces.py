@@ -13,7 +13,7 @@ import face_avatars
 import signsplice as ss
 from gltf_documents import ARM, document, load_document, rotating
 from signsplice.errors import FormatError, LimitError
-from signsplice.formats import glb, live_link, vrma
+from signsplice.formats import ReadAs, glb, live_link, vrma
 from signsplice.formats.gltf_face import lost_in, target_names, vrm_expressions
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import ReadLimits
@@ -64,6 +64,37 @@ def test_other_rates_and_midnight_are_told_from_the_timecodes(body: Path, first:
     rows = live_link_csv(weights, first, 30).replace("\n24:", "\n00:")
     body.with_suffix(".csv").write_text(rows)
     assert np.allclose(face_of(ss.load(body)).weights, weights[:30], atol=1e-9)
+
+
+SHORT = Path(__file__).parent.parent / "data/cases/livelink_short_30fps/short30.csv"
+"""26 rows at 30 fps within one second; JawOpen is lowest in row 14, at 13 / 30 s."""
+
+
+def lowest_jaw_s(clip: Clip) -> float:
+    """Seconds from a clip's first frame to the least open jaw."""
+    return float(face_of(clip).of(("jawOpen",))[:, 0].argmin() / clip.fps)
+
+
+def test_a_face_of_under_a_second_is_as_long_as_its_clip(body: Path) -> None:
+    ss.save(ss.load(body)[:26], body)
+    clip = ss.load(body, face=SHORT)
+    assert lowest_jaw_s(clip) == pytest.approx(13 / 30, abs=1e-9)
+    assert clip.notes == (), "one rate fits"
+    ss.save(clip, body.with_name("again.bvh"))
+    again = ss.load(body.with_name("again.bvh"))
+    assert again.notes == (), "nor is our own file, of 60 a second, a guess"
+    np.testing.assert_allclose(face_of(again).weights, face_of(clip).weights, atol=1e-8)
+
+
+def test_a_face_whose_rate_nothing_tells_is_said_to_be_a_guess_and_can_be_given(body: Path) -> None:
+    guessed = ss.load(body, face=SHORT)
+    assert lowest_jaw_s(guessed) < 13 / 30
+    assert guessed.notes[0] == "short30.csv: timecodes of under a second do not say their rate; 60 fps is taken"
+    given = ss.load(body, face=SHORT, read=ReadAs(face_fps=30.0))
+    assert lowest_jaw_s(given) == pytest.approx(13 / 30, abs=1e-9)
+    assert not any("rate" in note for note in given.notes)
+    with pytest.raises(FormatError, match="frame 27, expected below 24, its frames a second"):
+        ss.load(body, face=SHORT, read=ReadAs(face_fps=24.0))
 
 
 def test_a_plainer_table_has_a_row_a_frame_or_sixty_a_second(body: Path) -> None:

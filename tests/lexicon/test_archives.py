@@ -207,7 +207,7 @@ def test_a_build_that_was_stopped_goes_on_and_reads_what_has_changed(
     lexicon.build(archive, tmp_path / "whole", recipe="studiogalt")
     read: list[Path] = []
 
-    def counted(path: Path, limits: object, face: object) -> Clip:
+    def counted(path: Path, limits: object, face: object, **_: object) -> Clip:
         read.append(path)
         if len(read) == 4:
             raise KeyboardInterrupt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from conftest import random_clip
 
 from signsplice import lexicon
 from signsplice.errors import InputError
-from signsplice.formats import load, save
+from signsplice.formats import ReadAs, load, save
 from signsplice.lexicon import folder as folders
 from signsplice.motion import Clip, Skeleton, rotation
 from signsplice.motion.cache import CACHE
@@ -157,7 +158,9 @@ def test_broken_clips_stop_a_build_or_are_skipped(clips: Path, tmp_path: Path) -
 def test_check_and_build_name_what_a_clip_leaves_out(
     clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(folders, "load", lambda path, limits, face: replace(load(path, limits), left_out=("a mesh",)))
+    monkeypatch.setattr(
+        folders, "load", lambda path, limits, face, read: replace(load(path, limits), left_out=("a mesh",))
+    )
     path = clips / "hello.bvh"
     line = f"{path}: a mesh left out: a clip holds the motion of joints and faces"
     assert line in folders.check(clips).warnings
@@ -173,6 +176,28 @@ def test_roles_are_stored_with_the_words(clips: Path, tmp_path: Path) -> None:
         assert lex.clip("HELLO").skeleton.roles is None, "known by its names"
     with pytest.raises(InputError, match=r"你好\.bvh: .*no joint 'nowhere'"):
         lexicon.build(clips, tmp_path / "lex", roles={"hips": names[0], "spine": "nowhere"})
+
+
+def test_the_table_says_how_a_file_is_read_and_the_call_how_the_others_are(clips: Path, tmp_path: Path) -> None:
+    (clips / "roles.json").write_text(json.dumps({"hips": random_clip(1).skeleton.names[0]}))
+    (clips / "glosses.csv").write_text("file,fps,roles\nhello.bvh,29.5,\nmore/deep/你好.bvh,,roles.json\n")
+    lexicon.build(clips, tmp_path / "lex", read=ReadAs(fps=20.0))
+    with lexicon.open(tmp_path / "lex") as lex:
+        assert lex.clip("HELLO").fps == 29.5
+        assert lex.clip("你好").fps == 20.0
+        assert lex.clip("你好").skeleton.roles == {"hips": random_clip(1).skeleton.names[0]}
+        n_frames = len(load(clips / "hello.bvh"))
+        assert len(lex.clip("HELLO")) == n_frames, "no frame is made or left out"
+    for head, cell, said in (
+        ("fps", "0", "fps 0, expected frames a second, above 0"),
+        ("face_fps", "fast", "face_fps 'fast', expected frames a second"),
+        ("rest_frame", "-1", "rest_frame '-1', expected a frame's number"),
+        ("rest_frame", "999", "no frame 999 to be its rest pose"),
+        ("roles", "none.json", "none.json: no such file"),
+    ):
+        (clips / "glosses.csv").write_text(f"file,{head}\nhello.bvh,{cell}\n")
+        (fault,) = folders.check(clips).faults
+        assert said in fault
 
 
 def test_folders_without_clips_are_refused(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,9 +12,8 @@ from shlex import quote
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.formats import load
+from signsplice.formats import AS_WRITTEN, ReadAs, load
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.roles import with_roles
 from signsplice.lexicon.recordings import WordFile, find_word_files
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, kinematics, resample
 from signsplice.rig.align import ORIGIN, place
@@ -80,7 +79,7 @@ class ClipChoice:
     - n_words: how many words, drawn by seed; None for 100, or all if there are fewer
     - seed: of the draw
     - fps: rate of the corpus
-    - roles: role -> joint name, for rigs that are not known by joint names
+    - read: how clips are read, where a table in their folder does not say
     - limits: of each file
     """
 
@@ -88,7 +87,7 @@ class ClipChoice:
     n_words: int | None = None
     seed: int = 0
     fps: float = 30.0
-    roles: Mapping[str, str] | None = None
+    read: ReadAs = AS_WRITTEN
     limits: ReadLimits = DEFAULT_LIMITS
 
 
@@ -110,9 +109,7 @@ def read_words(
     warnings: list[str] = []
     rig = None
     for done, source in enumerate(sources, start=1):
-        clip = load(source.path, choice.limits)
-        if choice.roles is not None:
-            clip = with_roles(clip, choice.roles)
+        clip = load(source.path, choice.limits, read=source.row.read.or_else(choice.read))
         rig = rig or _make_rig(clip, source.path)
         n_read, read_fps = len(clip), clip.fps
         choice.limits.check_resampling(clip, choice.fps)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import wraps
 from os.path import samestat
 from pathlib import Path
@@ -11,9 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.options import ROLES, combine_options, flag, option
+from signsplice.cli.options import combine_options, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError, LimitError
+from signsplice.formats import ReadAs
 from signsplice.formats.atomic import check_writable
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
 from signsplice.render import PICTURE_SUFFIXES
@@ -46,8 +48,8 @@ def _option_value(name: str) -> Any:
     return click.get_current_context().meta.get(f"{__name__}.{name}")
 
 
-def reads_clips(command: Command) -> Command:
-    """Add ``--no-limits`` to a command that reads clips."""
+def _lifts_limits(command: Command) -> Command:
+    """Add ``--no-limits`` to a command."""
 
     @flag("--no-limits", "Read clips of any size: for files that you trust.", expose_value=False, callback=_keep)
     @wraps(command)
@@ -60,18 +62,42 @@ def reads_clips(command: Command) -> Command:
     return with_limits  # type: ignore[return-value]
 
 
+_ROLES = "JSON of role -> joint name, for rigs not known by name."
 _REST_FRAME = "Frame with the rest pose, for rigs whose zero pose shows no person.  [default: the first that shows one]"
 _TAKE = "Take of an .fbx file.  [default: the first that moves its joints]"
-reads_rigs = combine_options(ROLES, reads_clips)
-"""Options of commands that use a clip's rig: those of ``reads_clips``, and roles for rigs not known by name."""
-reads_poses = combine_options(
-    reads_rigs,
-    option("--rest-frame", "N", _REST_FRAME, type=click.IntRange(0), expose_value=False, callback=_keep),
-    option("--take", "NAME", _TAKE, expose_value=False, callback=_keep),
+_INPUT_FPS = "Rate at which clips were recorded, if their files do not say, or say what is wrong."
+_FACE_FPS = "Rate of a face in CSV.  [default: as its timecodes imply]"
+
+
+def _kept(names: str, metavar: str, text: str, **kind: Any) -> Callable[[Command], Command]:
+    """Return an option for functions that read clips; the command itself does not get it."""
+    return option(names, metavar, text, expose_value=False, callback=_keep, **kind)
+
+
+reads_words = combine_options(
+    _lifts_limits,
+    _kept("--roles", "FILE", _ROLES),
+    _kept("--rest-frame", "N", _REST_FRAME, type=click.IntRange(0)),
 )
-"""Options of commands that show or splice clips: those of ``reads_rigs``, the frame of the rest pose, and the take to
-read from a file.
-"""
+"""Options of commands that use clips of a lexicon."""
+reads_clips = combine_options(
+    reads_words,
+    _kept("--take", "NAME", _TAKE),
+    _kept("--input-fps", "N", _INPUT_FPS, type=float),
+    _kept("--face-fps", "N", _FACE_FPS, type=float),
+)
+"""Options of commands that read clips from files: how they are read, and ``--no-limits``."""
+
+
+def read_as() -> ReadAs:
+    """Return how the current command reads clips."""
+    return ReadAs(
+        fps=_option_value("input_fps"),
+        face_fps=_option_value("face_fps"),
+        take=_option_value("take") or "",
+        rest_frame=_option_value("rest_frame"),
+        roles=read_roles(_option_value("roles")),
+    )
 
 
 def limits() -> ReadLimits:
@@ -79,21 +105,17 @@ def limits() -> ReadLimits:
     return NO_LIMITS if _option_value("no_limits") else DEFAULT_LIMITS
 
 
-def load(
-    path: str, roles: str | None = None, warns: bool = True, face: str | None = None, face_offset: float = 0.0
-) -> Clip:
-    """Read the clip in a file; ``roles``: a file of role -> joint name, for rigs not recognised by joint names.
-    ``warns``: whether to warn about parts of the file that are left out or changed. ``face``, ``face_offset``: as in
-    ``formats.load``.
+def load(path: str, warns: bool = True, face: str | None = None, face_offset: float = 0.0) -> Clip:
+    """Read the clip in a file as the current command says. ``warns``: whether to warn about parts of the file that are
+    left out or changed. ``face``, ``face_offset``: as in ``formats.load``.
     """
-    row, take = formats.FORMATS.get(Path(path).suffix.lower()), _option_value("take")
-    chosen = take if take and row is not None and row.has_takes else ""
-    clip = formats.load(path, limits(), take=chosen, face=face, face_offset=face_offset)
+    read = replace(read_as(), rest_frame=None)
+    clip = formats.load(path, limits(), face=face, face_offset=face_offset, read=read)
     if warns and (clip.left_out or clip.notes):
         from signsplice.rig.inspection import left_out_warnings
 
         warn(left_out_warnings(clip))
-    return apply_rest_pose(clip if roles is None else with_roles([clip], roles)[0])
+    return apply_rest_pose(clip)
 
 
 def apply_rest_pose(clip: Clip) -> Clip:
@@ -136,11 +158,11 @@ def faces_of(clips: Sequence[str], faces: Sequence[str]) -> list[str | None]:
     return list(faces)
 
 
-def load_avatar(path: str, roles: str | None = None, skin: Sequence[str] = ()) -> Avatar:
-    """Read the avatar in a file; ``roles`` as in ``load``, ``skin``: names of its parts that are skin."""
+def load_avatar(path: str, roles: Mapping[str, str] | None = None, skin: Sequence[str] = ()) -> Avatar:
+    """Read the avatar in a file; ``roles``: as in ``ReadAs``, ``skin``: names of its parts that are skin."""
     from signsplice.formats.avatar import read_avatar
 
-    return read_avatar(path, read_roles(roles), limits(), skin)
+    return read_avatar(path, roles, limits(), skin)
 
 
 def read_roles(path: str | None) -> dict[str, str] | None:
@@ -148,16 +170,6 @@ def read_roles(path: str | None) -> dict[str, str] | None:
     from signsplice.formats import roles as roles_file
 
     return None if path is None else roles_file.read(path)
-
-
-def with_roles(clips: Sequence[Clip], roles: str) -> list[Clip]:
-    """Return clips with the roles of a roles file; a recognised rig that has none of the file's joints stays
-    as it is.
-    """
-    from signsplice.formats import roles as roles_file
-
-    joint_of = roles_file.read(roles)
-    return [roles_file.with_roles(clip, joint_of) for clip in clips]
 
 
 def check_outputs(output: str, report: str | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
@@ -189,10 +201,10 @@ def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
 
 
 def check_apart(output: str, inputs: Iterable[str | Path | None]) -> None:
-    """Raise ``InputError`` if an output is one of the inputs, by any name or link, a file in an input folder, or a
-    folder that holds an input.
+    """Raise ``InputError`` if an output is one of the inputs or the roles file, by any name or link, a file in an input
+    folder, or a folder that holds an input.
     """
-    for source in inputs:
+    for source in (*inputs, _option_value("roles")):
         if source and _would_overwrite(Path(output), Path(source)):
             raise InputError(f"{output}: would overwrite what is read from {source}; name another output")
 

@@ -15,8 +15,9 @@ from signsplice.cli.clips import (
     faces_of,
     load,
     load_avatar,
+    read_as,
+    reads_clips,
     reads_faces,
-    reads_poses,
     write,
 )
 from signsplice.cli.options import AS_JSON, option, preset, two_numbers
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", metavar="FILE")
 @AS_JSON
-@reads_poses
-def inspect(file: str, as_json: bool, roles: str | None) -> None:
+@reads_clips
+def inspect(file: str, as_json: bool) -> None:
     """Show a clip's rig, roles found, rate, frames, units, rest spans and warnings."""
     from signsplice.body.collision import depth_warnings
     from signsplice.rig.inspection import inspect as inspect_clip
 
-    clip = load(file, roles, warns=False)
+    clip = load(file, warns=False)
     facts = inspect_clip(clip, file)
     facts["warnings"] += depth_warnings(clip)
     if as_json:
@@ -65,7 +66,7 @@ def inspect(file: str, as_json: bool, roles: str | None) -> None:
 @option("--report", "R.json", "With --onto or --avatar: write what the hands touch, before and after.")
 @option("--mouth", "SAMPA", 'Sounds that the mouth says over the sign, in SAMPA: "h@l@U".')
 @reads_faces
-@reads_poses
+@reads_clips
 def convert(
     source: str,
     output: str,
@@ -76,7 +77,6 @@ def convert(
     mouth: str | None,
     faces: tuple[str, ...],
     face_offset: float,
-    roles: str | None,
 ) -> None:
     """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
     if onto is not None and avatar is not None:
@@ -88,8 +88,8 @@ def convert(
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
     if Path(output).suffix.lower() == ".vrm":
         raise InputError(f"{output}: an avatar is not written; name a .vrma, .glb or .bvh")
-    check_outputs(output, report, inputs=[source, body, roles, *faces])
-    clip = load(source, roles, face=faces_of([source], faces)[0], face_offset=face_offset)
+    check_outputs(output, report, inputs=[source, body, *faces])
+    clip = load(source, face=faces_of([source], faces)[0], face_offset=face_offset)
     if mouth is not None:
         clip = _mouthing(clip, mouth)
     if body is None:
@@ -98,7 +98,7 @@ def convert(
         return
     from signsplice.body.retarget import retarget
 
-    done = retarget(clip, load(body, roles) if avatar is None else load_avatar(body, roles, skin))
+    done = retarget(clip, load(body) if avatar is None else load_avatar(body, read_as().roles, skin))
     warn(done.warnings)
     write(done.clip, output)
     if report is not None:
@@ -126,14 +126,14 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
 @option("--report", "R.json", "The splice's report, so that its transitions are marked.")
 @preset("--view", "front", "VIEW", "View: front, three-quarter or side.")
 @option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]")
-@reads_poses
-def render(source: str, output: str, report: str | None, view: str, size: str | None, roles: str | None) -> None:
+@reads_clips
+def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output, inputs=[source, report, roles])
-    clip = load(source, roles)
+    check_outputs(output, inputs=[source, report])
+    clip = load(source)
     spans: Spans = ()
     if report is not None:
         from signsplice.splicing import report as reports

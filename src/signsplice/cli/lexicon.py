@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_apart, check_output, limits, read_roles, reads_rigs
+from signsplice.cli.clips import check_apart, check_output, limits, read_as, reads_clips
 from signsplice.cli.options import AS_JSON, flag, option
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
@@ -45,16 +45,16 @@ _MOST_WARNINGS = 20
 @_LENIENT
 @_STRICT
 @_WARNINGS
-@reads_rigs
-def build(inputs: tuple[str, ...], output: str, roles: str | None, recipe: str, **others: Any) -> None:
+@reads_clips
+def build(inputs: tuple[str, ...], output: str, recipe: str, **others: Any) -> None:
     """Make a lexicon of every clip below folders, and of signs written in SiGML or HamNoSys.
 
     Glosses are the files' names, or stand in DIR/glosses.csv. With --recipe what is broken, or fits no word, is left
     out, and a build that was stopped goes on. IN may also be a .sigml file or a folder of them, or a table of the
     columns gloss and hamnosys (.csv), or its like in .json or .txt (docs/hamnosys.md).
     """
-    check_apart(output, [*inputs, roles, recipe] if len(inputs) > 1 else [roles, recipe])
-    _build(inputs, output, roles=read_roles(roles), recipe=recipe, limits=limits(), **others)
+    check_apart(output, [*inputs, recipe] if len(inputs) > 1 else [recipe])
+    _build(inputs, output, read=read_as(), recipe=recipe, limits=limits(), **others)
 
 
 @lexicon.command()
@@ -156,8 +156,8 @@ def _count(n_words: int, n_letters: int) -> str:
 @lexicon.command()
 @click.argument("path", metavar="DIR")
 @option("--page", "PAGE.html", "Of a lexicon: write a page of its lengths, sizes and doubtful words.")
-@reads_rigs
-def check(path: str, page: str | None, roles: str | None) -> None:
+@reads_clips
+def check(path: str, page: str | None) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
     The exit status is 1 where there is one; what else `inspect` names is warned of.
@@ -165,7 +165,6 @@ def check(path: str, page: str | None, roles: str | None) -> None:
     from signsplice.lexicon import folder
     from signsplice.lexicon.store import INDEX
 
-    joint_of = read_roles(roles)
     if (Path(path) / INDEX).exists():
         with open_words(path) as words:
             contents = _count(len(words), 0)
@@ -179,7 +178,7 @@ def check(path: str, page: str | None, roles: str | None) -> None:
         raise InputError(f"{path}: is no lexicon, expected one for --page; build it first")
     else:
         with progress(f"checking {Path(path).name}") as advance:
-            checked = folder.check(path, joint_of, advance, limits())
+            checked = folder.check(path, None, advance, limits(), read_as())
         faults, warnings = checked.faults, checked.warnings
         contents = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
     warn(warnings)

@@ -59,6 +59,5 @@ DROP_FUNCTION_WORDS = flag(
     "--drop-function-words",
     "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
 )
-ROLES = option("--roles", "FILE", "JSON of role -> joint name, for rigs not known by name.")
 SEEDS = click.IntRange(0, 2**63 - 1)
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=SEEDS)

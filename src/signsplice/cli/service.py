@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_output, load, load_avatar, reads_poses
+from signsplice.cli.clips import check_output, load, load_avatar, reads_clips
 from signsplice.cli.options import LEXICONS, option, preset
 from signsplice.cli.terminal import require, warn
 from signsplice.errors import InputError, MissingExtraError
@@ -92,10 +92,8 @@ def serve(
 @option("--port", "N", "Port.  [default: any free one]", type=int, default=0)
 @LEXICONS
 @option("--browser/--no-browser", None, "Open the page in a browser.  [default: yes]", default=True)
-@reads_poses
-def view(
-    files: tuple[str, ...], reports: tuple[str, ...], roles: str | None, output: str | None, browser: bool, **given: Any
-) -> None:
+@reads_clips
+def view(files: tuple[str, ...], reports: tuple[str, ...], output: str | None, browser: bool, **given: Any) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
         raise InputError(f"{len(files)} files, expected one, or two to compare")
@@ -107,8 +105,8 @@ def view(
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
-        check_output(output, [*files, *reports, roles])
-    clips = [load(file, roles) for file in files]
+        check_output(output, [*files, *reports])
+    clips = [load(file) for file in files]
     parsed_reports = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
     try:
         _require_extra()

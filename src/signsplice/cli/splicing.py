@@ -22,9 +22,10 @@ from signsplice.cli.clips import (
     limits,
     load,
     load_avatar,
+    read_as,
+    reads_clips,
     reads_faces,
-    reads_poses,
-    with_roles,
+    reads_words,
     write,
 )
 from signsplice.cli.lexicon import open_words
@@ -66,7 +67,6 @@ _joining_options = combine_options(
         default=None,
     ),
     option("--report", "R.json", "Write spans, seams and timing to this JSON file."),
-    reads_poses,
 )
 _splicing_options = combine_options(
     option("--cutter", "NAME", "How splice points are found: see `signsplice methods`."),
@@ -116,18 +116,17 @@ _splicing_options = combine_options(
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @reads_faces
 @_splicing_options
-def splice(
-    clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, roles: str | None, **others: Any
-) -> None:
+@reads_clips
+def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, **others: Any) -> None:
     """Join clips in order into one continuous animation."""
     from signsplice.splicing import engine
 
     if len(clips) < 2:
         raise InputError(f"one clip, {clips[0]}, expected two or more: signsplice splice A.bvh B.bvh -o OUT.bvh")
-    target, options = _begin(_splice_options, [*clips, *faces, roles], **others)
+    target, options = _begin(_splice_options, [*clips, *faces], **others)
     began = time.perf_counter()
     clip_faces = zip(clips, faces_of(clips, faces), strict=True)
-    loaded = [load(path, roles, warns=False, face=face, face_offset=face_offset) for path, face in clip_faces]
+    loaded = [load(path, warns=False, face=face, face_offset=face_offset) for path, face in clip_faces]
     load_ms = 1e3 * (time.perf_counter() - began)
     target.deliver(engine.splice(loaded, options), load_ms)
 
@@ -155,6 +154,7 @@ def splice(
     "https://github.com/cmusphinx/cmudict). Signers of ASL mouth few words whole; no signer has judged it.",
 )
 @_splicing_options
+@reads_words
 def sentence(
     glosses: tuple[str, ...],
     lexicons: tuple[str, ...],
@@ -166,10 +166,10 @@ def sentence(
     face_rules: bool | None,
     mouthing: str | None,
     output: str,
-    roles: str | None,
     **others: Any,
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
+    from signsplice.formats.roles import with_roles
     from signsplice.lexicon.sentence import list_spelled_words, parse, token_glosses
     from signsplice.splicing import engine
     from signsplice.splicing.faces import RULES
@@ -177,7 +177,7 @@ def sentence(
 
     has_rules = Path(output).suffix.lower() != ".bvh" if face_rules is None else face_rules
     read = partial(_splice_options, face_rules=RULES if has_rules else (), mouthing=mouthing)
-    target, options = _begin(read, [roles, fallback, mouthing], output, **others)
+    target, options = _begin(read, [fallback, mouthing], output, **others)
     began = time.perf_counter()
     with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, target.report or output):
@@ -185,8 +185,8 @@ def sentence(
         units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(token_glosses(units))}
         owns = {gloss: words.owns(gloss) for gloss in clips}
-    if roles is not None:
-        clips = dict(zip(clips, with_roles(list(clips.values()), roles), strict=True))
+    if (roles := read_as().roles) is not None:
+        clips = {gloss: with_roles(clip, roles) for gloss, clip in clips.items()}
     clips = {gloss: apply_rest_pose(clip) for gloss, clip in clips.items()}
     load_ms = 1e3 * (time.perf_counter() - began)
     note(unit.note for unit in units if unit.note)
@@ -285,14 +285,15 @@ class _Target:
 @click.argument("clip", metavar="CLIP")
 @option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
-def inbetween(clip: str, gaps: tuple[str, ...], roles: str | None, **others: Any) -> None:
+@reads_clips
+def inbetween(clip: str, gaps: tuple[str, ...], **others: Any) -> None:
     """Make frames of a clip anew from those around them; all other frames stay as they are."""
     from signsplice.splicing.engine import inbetween as fill_gaps
 
-    target, dials = _begin(dict[str, Any], [clip, roles], **others)
+    target, dials = _begin(dict[str, Any], [clip], **others)
     ranges = [two_numbers(gap, ":", f"--gap {gap!r}, expected A:B, frame numbers with B not included") for gap in gaps]
     began = time.perf_counter()
-    loaded = load(clip, roles, warns=False)
+    loaded = load(clip, warns=False)
     load_ms = 1e3 * (time.perf_counter() - began)
     target.deliver(fill_gaps(loaded, ranges, **dials), load_ms)
 

@@ -5,8 +5,9 @@ A format's module is imported only when a file of that format is read or written
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,6 +70,41 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads and that the HTTP service accepts and sends."""
 
 
+@dataclass(frozen=True)
+class ReadAs:
+    """How a file is read where it does not say, or says what is wrong; fields that are not given follow the file.
+
+    fps: frames a second at which its frames were recorded, whatever the file says; no frame is made or left out.
+    face_fps: frames a second of a face in CSV: of its timecodes, or, without those, of its rows.
+    take: of FBX files, the name of one of several motions; by default the first that moves its joints.
+    rest_frame: the frame whose pose is the rest pose, if the rig shows no person with all rotations zero; by default
+        the first that shows one.
+    roles: role -> joint name, for rigs that are not recognised by joint names.
+
+    Raises ``InputError`` for a rate that is not above 0, or is not finite.
+    """
+
+    fps: float | None = None
+    face_fps: float | None = None
+    take: str = ""
+    rest_frame: int | None = None
+    roles: Mapping[str, str] | None = field(default=None, hash=False)
+
+    def __post_init__(self) -> None:
+        for name, rate in (("fps", self.fps), ("face_fps", self.face_fps)):
+            if rate is not None and not 0.0 < rate < math.inf:
+                raise InputError(f"{name} {rate:g}, expected frames a second, above 0")
+
+    def or_else(self, other: ReadAs) -> ReadAs:
+        """Return these values, with those of ``other`` for fields that are not given."""
+        given = {name: value for name, value in vars(self).items() if value not in (None, "")}
+        return replace(other, **given)
+
+
+AS_WRITTEN = ReadAs()
+"""As the file says."""
+
+
 def load(
     path: str | Path,
     limits: ReadLimits = DEFAULT_LIMITS,
@@ -76,15 +112,15 @@ def load(
     face: str | Path | None = None,
     face_offset: float = 0.0,
     take: str = "",
+    read: ReadAs = AS_WRITTEN,
 ) -> Clip:
     """Load a clip from a file with one of ``READ_SUFFIXES``. If the file holds no face, that in a NAME.csv beside it is
     read (``live_link``).
 
-    rest_frame: the frame whose pose is the rest pose, if the rig shows no person with all rotations zero; by default
-        the first that shows one.
     face: a CSV file, or another clip's file, with the clip's face, instead of the file beside it.
     face_offset: time of the first row or frame of that file after the clip's first frame, seconds.
-    take: the name of one of several motions in an FBX file; by default the first that moves its joints.
+    read: how the file is read where it does not say, or says what is wrong.
+    rest_frame, take: those of ``read``, if given.
 
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` if its content is not valid,
     and ``LimitError`` if it exceeds ``limits``, which ``NO_LIMITS`` lifts.
@@ -92,19 +128,34 @@ def load(
     row = _format(path, "read", READ_SUFFIXES)
     if take and not row.has_takes:
         raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")
-    clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), limits, Path(path).parent, take)
+    read = ReadAs(take=take, rest_frame=rest_frame).or_else(read)
+    take = read.take if row.has_takes else ""
+    # A wrong rate does not make a clip too long.
+    within = limits if read.fps is None else replace(limits, seconds=math.inf)
+    clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), within, Path(path).parent, take)
+    if read.fps is not None:
+        notes = (*clip.notes, f"read at {read.fps:.6g} fps as asked, not at {clip.fps:.6g}")
+        clip = replace(clip, fps=read.fps, notes=notes if read.fps != clip.fps else clip.notes)
+        limits.check_clip(len(clip), len(clip.skeleton), clip.fps, 0.0, 0.0, str(path))
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
         from signsplice.formats import live_link
 
         if face is not None and Path(face).suffix.lower() in READ_SUFFIXES:
             clip = live_link.with_face_of(clip, load(face, limits), str(face), face_offset)
         elif (face_file := face or live_link.sidecar(Path(path))) is not None:
-            clip = live_link.with_face(clip, face_file, face_offset, limits)
-    if rest_frame is None:
+            clip = live_link.with_face(clip, face_file, face_offset, limits, read.face_fps)
+    if read.roles is not None:
+        from signsplice.formats.roles import with_roles
+
+        try:
+            clip = with_roles(clip, read.roles)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+    if read.rest_frame is None:
         return clip
     from signsplice.rig.rest_pose import with_rest_pose
 
-    return with_rest_pose(clip, rest_frame)
+    return with_rest_pose(clip, read.rest_frame)
 
 
 def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:

@@ -1,7 +1,9 @@
 """Faces as CSV: the 52 coefficients and 9 rotations of Live Link Face (Epic Games), or some columns that ARKit names.
 
-A header line names the columns in any order and case. ``Timecode`` is HH:MM:SS:FF.sss with 60 frames a second, or as
-many as its frame numbers imply; without one, rows are a frame each if the clip has as many frames, else 60 a second.
+A header line names the columns in any order and case. ``Timecode`` is HH:MM:SS:FF.sss with as many frames a second as
+its frame numbers imply. Those of under a second imply none: then the rate that makes it as long as the clip is taken,
+else 60, with a note unless it is the only one. Without timecodes, rows are a frame each if the clip has as many frames,
+else 60 a second.
 Rotations of head and eyes are not read: the body's clip has the head, and eyeLook* has the gaze.
 """
 
@@ -39,13 +41,22 @@ _FAR = (-0.5, 2.0)
 """Weights outside 0 to 1 are clipped; weights outside this range are errors of unit."""
 _UNCOVERED_S = 0.1
 """Seconds of a clip's ends that a face may leave uncovered without a note."""
+_SAME_LENGTH = 0.1
+"""Largest difference between a face and its clip, as a fraction of the clip, for a rate that fits."""
 _SPOILT = 0.02
 """Largest fraction of a capture's rows with a time no later than the row before."""
 
 
-def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+def with_face(
+    clip: Clip,
+    path: str | Path,
+    offset_s: float = 0.0,
+    limits: ReadLimits = DEFAULT_LIMITS,
+    fps: float | None = None,
+) -> Clip:
     """Return a clip with the face in a CSV file, whose first row is shown ``offset_s`` seconds after the clip's first
-    frame; before the first row and after the last one, the face is held.
+    frame; before the first row and after the last one, the face is held. ``fps``: frames a second of its timecodes, or
+    of its rows; by default as they imply.
 
     Raises ``InputError`` for a file that cannot be read, ``FormatError`` with the line if its content is not valid, and
     ``LimitError`` for too many rows.
@@ -57,7 +68,7 @@ def with_face(clip: Clip, path: str | Path, offset_s: float = 0.0, limits: ReadL
     if n_lines > max_rows + 1:
         raise LimitError(f"about {n_lines:,} rows, expected at most {max_rows:,.0f}", file=str(path))
     with format_errors(str(path), "face in CSV"):
-        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s)
+        return _on_clip(clip, content.decode("utf-8-sig"), str(path), offset_s, fps)
 
 
 def sidecar(path: Path) -> Path | None:
@@ -72,7 +83,7 @@ def sidecar(path: Path) -> Path | None:
     return file if is_face else None
 
 
-def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
+def _on_clip(clip: Clip, text: str, file: str, offset_s: float, fps: float | None) -> Clip:
     rows = csv.reader(text.splitlines())
     names = [name.strip().lower() for name in next(rows, [])]
     columns = {_CHANNELS[name]: k for k, name in enumerate(names) if name in _CHANNELS}
@@ -93,10 +104,12 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
             raise FormatError(f"{len(row)} columns, expected {len(names)} as in the first line", file=file, line=line)
     if not weights:
         raise FormatError("has no row of a face, expected one a frame", file=file)
+    rate, is_guess = fps or (clip.fps if len(weights) == len(clip) else _FPS), False
     if time_column is None:
-        times = np.arange(len(weights)) / (clip.fps if len(weights) == len(clip) else _FPS)
+        times = np.arange(len(weights)) / rate
     else:
-        times = _times(np.array(codes), file)
+        rate, is_guess = (fps, False) if fps else _timecode_rate(np.array(codes), (len(clip) - 1) / clip.fps, file)
+        times = _times(np.array(codes), rate, file)
     table, later = np.array(weights), np.append(True, times[1:] > np.maximum.accumulate(times)[:-1])  # (N, C), (N,)
     n_unseen += len(times) - int(later.sum())
     if _SPOILT * len(times) < len(times) - later.sum():
@@ -104,6 +117,8 @@ def _on_clip(clip: Clip, text: str, file: str, offset_s: float) -> Clip:
         raise FormatError(f"the timecode of row {first} is no later than that of one before", file=file)
     table, times = table[later], times[later] + offset_s
     notes = _notes(channels, names, table, n_unseen, Path(file).name)
+    if is_guess:
+        notes.append(f"{Path(file).name}: timecodes of under a second do not say their rate; {rate:g} fps is taken")
     return _attach_face(clip, Face(channels, np.clip(table, 0.0, 1.0)), times, Path(file).name, notes)
 
 
@@ -150,12 +165,26 @@ def _parts(code: str, file: str, line: int) -> FloatArray:
     return np.array([float(part) for part in match.groups()])
 
 
-def _times(parts: FloatArray, file: str) -> FloatArray:
-    """Convert timecodes (N, 4) to seconds (N,) from the first."""
-    highest, wraps = int(parts[:, 3].max()), bool(np.any(np.diff(parts[:, 3]) < 0.0))
-    if highest >= _RATES[-1]:
-        raise FormatError(f"a timecode has frame {highest}, expected below {_RATES[-1]}", file=file)
-    rate = next(rate for rate in _RATES if rate > highest) if wraps or highest >= _FPS else _FPS
+def _timecode_rate(parts: FloatArray, clip_seconds: float, file: str) -> tuple[float, bool]:
+    """Return the frames a second of timecodes (N, 4), and whether that is a guess: frame numbers that never start anew
+    show which rates are too low, and no more.
+    """
+    frames = parts[:, 3]
+    if frames.max() >= _RATES[-1]:
+        raise FormatError(f"a timecode has frame {int(frames.max())}, expected below {_RATES[-1]}", file=file)
+    rates = np.array([rate for rate in _RATES if rate > int(frames.max())], float)
+    if np.any(np.diff(frames) < 0.0) or frames.max() >= _FPS:
+        return float(rates[0]), False
+    differences = np.abs(np.ptp(frames) / rates - clip_seconds)
+    fits = differences <= _SAME_LENGTH * clip_seconds
+    return float(rates[differences.argmin()]) if fits.any() else _FPS, len(frames) > 1 and fits.sum() != 1
+
+
+def _times(parts: FloatArray, rate: float, file: str) -> FloatArray:
+    """Convert timecodes (N, 4) of ``rate`` frames a second to seconds (N,) from the first."""
+    highest = int(parts[:, 3].max())
+    if highest >= rate:
+        raise FormatError(f"a timecode has frame {highest}, expected below {rate:g}, its frames a second", file=file)
     times = parts[:, :3] @ [3600.0, 60.0, 1.0] + parts[:, 3] / rate
     times = np.where(times < times[0] - 43_200.0, times + 86_400.0, times)  # past midnight
     return np.asarray(times - times[0])

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
-from signsplice.formats import FORMATS, READ_SUFFIXES, atomic, load
+from signsplice.formats import AS_WRITTEN, FORMATS, READ_SUFFIXES, ReadAs, atomic, load
 from signsplice.formats.live_link import with_face_of
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.formats.roles import with_roles
 from signsplice.lexicon.builder import PreparedWord, SharedSkeletons, building, check_target, prepare
 from signsplice.lexicon.gloss import gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
@@ -84,14 +83,14 @@ class FileTask:
     paths: the file, and others of the same recording, which are read if it is broken.
     spans: start and end of each word, seconds; None if it begins or ends with the file.
     face: a file with its face; by default the one beside the clip, if any.
-    form: one of ``FORMS``. roles, limits: as in ``build``.
+    form: one of ``FORMS``. read, limits: as in ``build``.
     store: a folder that keeps prepared words.
     """
 
     paths: tuple[Path, ...]
     spans: tuple[tuple[float | None, float | None], ...]
     form: str
-    roles: Mapping[str, str] | None
+    read: ReadAs
     limits: ReadLimits
     store: Path | None = None
     face: Path | None = None
@@ -110,6 +109,7 @@ def build(
     jobs: int | None = 1,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
+    read: ReadAs = AS_WRITTEN,
 ) -> Built:
     """Build a lexicon at ``output`` from every clip below folders, and from files or folders of written signs (SiGML,
     HamNoSys), with few clips in memory at a time.
@@ -118,7 +118,7 @@ def build(
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each. recipe: of
     an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: files that do not fit are left out, and a
     stopped build resumes. lenient: leave out unknown parts of a written sign, with a warning. jobs: number of
-    processes; None: one per core. limits: of each clip.
+    processes; None: one per core. limits: of each clip. read: how clips are read, where the table does not say.
 
     Refused written signs are left out, with a line each; one whose gloss is taken gets the next number, GLOSS#2.
     Raises ``InputError``, also if input and output lie in each other; then ``output`` is unchanged.
@@ -140,7 +140,9 @@ def build(
         warnings.append(left_out[-1])
 
     with atomic.resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
-        for file, word in _prepare_files(files, FileTask((), (), form, roles, limits, store), jobs, progress):
+        for file, word in _prepare_files(
+            files, FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store), jobs, progress
+        ):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
                 row = file.row
@@ -189,11 +191,16 @@ def check(
     roles: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
+    read: ReadAs = AS_WRITTEN,
 ) -> Checked:
-    """Check the clips below a folder. Raises ``InputError`` if there is no clip."""
+    """Check the clips below a folder; ``roles``, ``limits``, ``read`` as in ``build``. Raises ``InputError`` if there
+    is no clip.
+    """
     files, faults = find_word_files(folder)
     warnings: list[str] = []
-    for _, word in _prepare_files(files, FileTask((), (), "float32", roles, limits), None, progress):
+    for _, word in _prepare_files(
+        files, FileTask((), (), "float32", ReadAs(roles=roles).or_else(read), limits), None, progress
+    ):
         if isinstance(word, str):
             faults.append(word)
         else:
@@ -217,11 +224,12 @@ def _prepare_files(
     files: Sequence[WordFile], task: FileTask, jobs: int | None, progress: Progress | None
 ) -> Iterator[tuple[WordFile, PreparedWord | str]]:
     """Yield each file with its prepared word or an error line; a file of several words is read once."""
-    groups = [list(words) for _, words in groupby(files, key=lambda word: (word.paths, word.face))]
+    groups = [list(words) for _, words in groupby(files, key=lambda word: (word.paths, word.face, word.row.read))]
     tasks = [
-        replace(task, paths=words[0].paths, spans=tuple(word.row.span for word in words), face=words[0].face)
-        for words in groups
-    ]
+        replace(task, paths=first.paths, spans=tuple(word.row.span for word in words), face=first.face,
+                read=first.row.read.or_else(task.read))
+        for words in groups for first in words[:1]
+    ]  # fmt: skip
     workers = min(cores(), len(tasks) // _FILES_A_PROCESS) if jobs is None else min(jobs, len(tasks))
     done = 0
     try:
@@ -300,7 +308,7 @@ def _read_words(task: FileTask) -> tuple[PreparedWord | str, ...]:
     faults = []
     for path in task.paths:
         try:
-            clip = _with_face(load(path, task.limits, face=task.face), path, task)
+            clip = _with_face(load(path, task.limits, face=task.face, read=task.read), path, task)
         except InputError as error:
             faults.append(str(error))
             continue
@@ -323,7 +331,6 @@ def _word(
 ) -> PreparedWord | str:
     """Return a word of a file; ``faults``: of preferred files that could not be read."""
     try:
-        clip = clip if task.roles is None else with_roles(clip, task.roles)
         clip = CACHE.recent(SharedSkeletons, most=1).of(_trim_clip(clip, span))
         word = prepare(clip, task.form, warns=True)
     except InputError as error:
@@ -358,7 +365,7 @@ def _key(task: FileTask) -> str:
         with suppress(OSError):
             status = path.stat()
             states.append((str(path), status.st_size, status.st_mtime_ns))
-    asked = (_VERSION, states, task.spans, task.form, sorted((task.roles or {}).items()), asdict(task.limits))
+    asked = (_VERSION, states, task.spans, task.form, asdict(task.read), asdict(task.limits))
     return hashlib.sha256(repr(asked).encode("utf-8", "surrogateescape")).hexdigest()
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from signsplice.errors import FormatError, InputError
-from signsplice.formats import READ_SUFFIXES
+from signsplice.formats import AS_WRITTEN, READ_SUFFIXES, ReadAs, roles
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.gloss import fold, gloss_of, kind_of
@@ -27,7 +27,7 @@ from signsplice.rig.roles import CHANNELS
 
 TABLE = "glosses.csv"
 COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
-           "face", "owns")  # fmt: skip
+           "face", "owns", "fps", "face_fps", "take", "rest_frame", "roles")  # fmt: skip
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
@@ -41,6 +41,8 @@ class GlossRow:
     span: start and end of the word, seconds; None if it begins or ends with the clip.
     face: path of the clip's face, relative to the folder.
     owns: channels of the word's own, some of ``CHANNELS``; None if a rule decides.
+    read: how the clip is read.
+    roles: path of the clip's roles file, relative to the folder.
     """
 
     file: str
@@ -54,6 +56,8 @@ class GlossRow:
     span: tuple[float | None, float | None] = (None, None)
     face: str = ""
     owns: frozenset[str] | None = None
+    read: ReadAs = AS_WRITTEN
+    roles: str = ""
 
 
 def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
@@ -123,9 +127,11 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         checked=_CHECKED[fields["checked"].lower()],
         kind=kind,
         line=line,
-        span=(_seconds(fields["start"]), _seconds(fields["end"])),
+        span=(_number(fields["start"], "time", "seconds"), _number(fields["end"], "time", "seconds")),
         face=_path(fields["face"]),
         owns=_channels(fields["owns"]),
+        read=_read_as(fields),
+        roles=_path(fields["roles"]),
     )
 
 
@@ -142,15 +148,22 @@ def _channels(cell: str) -> frozenset[str] | None:
     return frozenset(names - {"none"}) if names else None
 
 
-def _seconds(cell: str) -> float | None:
-    """Return a time in seconds; None if the cell is empty."""
+def _number(cell: str, what: str, expected: str) -> float | None:
+    """Return a number of at least 0; None if the cell is empty."""
     try:
-        time = float(cell) if cell else None
+        value = float(cell) if cell else None
     except ValueError:
-        time = math.nan
-    if time is not None and not 0.0 <= time < math.inf:
-        raise InputError(f"time {cell[:40]!r}, expected seconds")
-    return time
+        value = math.nan
+    if value is not None and not 0.0 <= value < math.inf:
+        raise InputError(f"{what} {cell[:40]!r}, expected {expected}")
+    return value
+
+
+def _read_as(fields: dict[str, str]) -> ReadAs:
+    """Return how the clip of a row is read, apart from its roles."""
+    fps, face_fps = (_number(fields[name], name, "frames a second") for name in ("fps", "face_fps"))
+    frame = _number(fields["rest_frame"], "rest_frame", "a frame's number")
+    return ReadAs(fps, face_fps, fields["take"], None if frame is None else int(frame))
 
 
 @dataclass(frozen=True)
@@ -308,6 +321,7 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
     for row in rows:
         by_file[unicodedata.normalize("NFC", row.file)].append(row)
     words: list[WordFile] = []
+    roles_of: dict[str, dict[str, str]] = {}
     for name, path in files.items():
         for row in by_file.pop(name, [] if table else [GlossRow(name)]):
             try:
@@ -316,6 +330,13 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
             except InputError as error:
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
                 continue
+            try:
+                if row.roles and row.roles not in roles_of:
+                    roles_of[row.roles] = roles.read(folder / row.roles)
+            except InputError as error:
+                faults.append(f"{path_of_table}:{row.line}: {error}")
+                continue
+            named = replace(named, read=replace(row.read, roles=roles_of.get(row.roles)))
             where = f"{path} ({path_of_table}:{row.line})" if row.line else str(path)
             words.append(WordFile((path,), where, named, folder / row.face if row.face else None))
     lost = [row for rows in by_file.values() for row in rows]

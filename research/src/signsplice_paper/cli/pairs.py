@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from signsplice.cli.clips import check_apart, limits, reads_clips
+from signsplice.cli.clips import check_apart, limits, read_as, reads_clips
 from signsplice.cli.terminal import progress, size, warn
 from signsplice.errors import InputError
 
@@ -37,7 +37,6 @@ def pairs() -> None:
 @click.option("--joints", metavar="LIST", help="Joints that the systems see, with commas between.  [default: all]")
 @click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Seed of the draw and of the splits.")
 @click.option("--fps", type=float, default=30.0, show_default=True, metavar="N", help="Frame rate of the corpus.")
-@click.option("--roles", metavar="FILE", help="JSON of role -> joint name, for rigs not known by name.")
 @reads_clips
 def build(
     clips: str,
@@ -48,22 +47,19 @@ def build(
     joints: str | None,
     seed: int,
     fps: float,
-    roles: str | None,
 ) -> None:
     """Write all ordered pairs of the words in a folder of clips of one rig.
 
     Called again after an interruption, it continues.
     """
-    from signsplice.formats import roles as roles_file
     from signsplice_paper import own_words
     from signsplice_paper.own_clips import ClipChoice
 
     if not 10.0 <= fps <= 240.0:
         raise InputError(f"--fps {fps:g}, expected 10 to 240")
     is_file = positions.lower().endswith(".json")
-    check_apart(output, [clips, positions if is_file else None, roles])
-    joint_by_role = None if roles is None else roles_file.read(roles)
-    choice = ClipChoice(Path(clips), words, seed, fps, joint_by_role, limits())
+    check_apart(output, [clips, positions if is_file else None])
+    choice = ClipChoice(Path(clips), words, seed, fps, read_as(), limits())
     joint_names = None if joints is None else tuple(name.strip() for name in joints.split(",") if name.strip())
     result = own_words.build(own_words.PairsPlan(choice, positions, transition, joint_names), Path(output), progress)
     warn(result.warnings)

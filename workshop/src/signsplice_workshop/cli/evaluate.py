@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import SKIN, limits, load, load_avatar, reads_poses
+from signsplice.cli.clips import SKIN, limits, load, load_avatar, read_as, reads_clips
 from signsplice.cli.options import AS_JSON, BUNDLE, preset, two_numbers
 from signsplice.cli.terminal import progress, warn
 from signsplice.errors import InputError
@@ -52,14 +52,14 @@ def _add_command(measure: Callable[..., Measured]) -> click.Command:
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @_FPS
 @BUNDLE
-@reads_poses
-def clips(files: tuple[str, ...], fps: float | None, bundle: str | None, roles: str | None) -> Measured:
+@reads_clips
+def clips(files: tuple[str, ...], fps: float | None, bundle: str | None) -> Measured:
     """Transitions on frames hidden from clips."""
     from signsplice.splicing.curves import TRANSITIONS
     from signsplice_workshop.measure.hidden_frames import SIGNATURE, score_hidden_frames, table
 
     transitions = [*TRANSITIONS.values(), *_find_learned_transition(bundle)]
-    loaded = _load_clips(files, fps, roles)
+    loaded = _load_clips(files, fps)
     with progress("evaluate") as advance:
         rows = score_hidden_frames(loaded, transitions, progress=advance)
     return SIGNATURE, rows, table(rows, loaded)
@@ -102,7 +102,7 @@ def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
               "repeated.")  # fmt: skip
 @click.option("--picture", metavar="FILE.png", help="Also draw eight words on five bodies; takes minutes.")
 @_FPS
-@reads_poses
+@reads_clips
 def bodies(
     n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None, roles: str | None
 ) -> Measured:
@@ -114,7 +114,7 @@ def bodies(
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError(f"--picture {picture}, expected a name that ends in .png")
     if files:
-        n_drawn, words = None, _load_clips(files, fps, roles)
+        n_drawn, words = None, _load_clips(files, fps)
         held_out = words
     else:
         n_drawn = 40 if n_words is None else n_words
@@ -135,8 +135,8 @@ def bodies(
 @click.option("--clips", "files", multiple=True, metavar="FILE", help="This clip, in place of sentences; may be "
               "repeated.")  # fmt: skip
 @_FPS
-@reads_poses
-def person(n_sentences: int | None, files: tuple[str, ...], fps: float | None, roles: str | None) -> Measured:
+@reads_clips
+def person(n_sentences: int | None, files: tuple[str, ...], fps: float | None) -> Measured:
     """Idle hands, head, trunk and face in N sentences (5) of each kind of words, or in clips."""
     from signsplice.splicing.durations import CITATION, NATURAL
     from signsplice_workshop.measure import person as measuring
@@ -145,7 +145,7 @@ def person(n_sentences: int | None, files: tuple[str, ...], fps: float | None, r
         raise InputError(f"{n_sentences} sentences and --clips, expected one of them")
     with progress("person") as advance:
         if files:
-            rows = measuring.measure_clips(_load_clips(files, fps, roles), advance)
+            rows = measuring.measure_clips(_load_clips(files, fps), advance)
         else:
             rows = measuring.compare(n_sentences or 5, (CITATION, NATURAL), advance)
     return measuring.SIGNATURE, rows, measuring.table(rows)
@@ -156,15 +156,15 @@ def person(n_sentences: int | None, files: tuple[str, ...], fps: float | None, r
 @click.option("--clips", "recorded", multiple=True, metavar="FILE", help="This clip, in place of six words that ship; "
               "may be repeated.")  # fmt: skip
 @SKIN
-@reads_poses
-def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...], roles: str | None) -> Measured:
+@reads_clips
+def avatars(files: tuple[str, ...], recorded: tuple[str, ...], skin: tuple[str, ...]) -> Measured:
     """How far hands lie from the skin that they touch on avatars."""
     from signsplice.lexicon import open_shipped_lexicon
     from signsplice_workshop.measure import avatars as measuring
 
-    loaded = [load_avatar(file, roles, skin) for file in files]
+    loaded = [load_avatar(file, read_as().roles, skin) for file in files]
     with open_shipped_lexicon() as lexicon:
-        words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _load_clips(recorded, None, None)
+        words = [lexicon.clip(word) for word in measuring.WORDS] if not recorded else _load_clips(recorded, None)
     with progress("avatars") as advance:
         rows = measuring.measure_words(loaded, words, advance)
     return measuring.signature(words), rows, measuring.table(rows)
@@ -228,11 +228,11 @@ def _parse_frame_range(text: str) -> tuple[int, int]:
     return first, stop
 
 
-def _load_clips(files: tuple[str, ...], fps: float | None, roles: str | None) -> list[Clip]:
+def _load_clips(files: tuple[str, ...], fps: float | None) -> list[Clip]:
     """Returns the clips, at another rate if one is given."""
     from signsplice.motion import resample
 
-    loaded = [load(file, roles) for file in files]
+    loaded = [load(file) for file in files]
     if fps is None:
         return loaded
     for clip in loaded:
