@@ -1,19 +1,40 @@
-"""FBX files written by hand, as text of versions 7.4 and 6.1, and where their models are by products of matrices."""
+"""FBX files written by hand, as text of versions 7.4 and 6.1 and as binary, and where their models are by products of
+matrices.
+"""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from signsplice.formats.fbx_records import MAGIC, Record, read_records
 from signsplice.motion import FloatArray
 
 TICKS = 46186158000
 ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
 MOVES = {"T": "Lcl Translation", "R": "Lcl Rotation", "S": "Lcl Scaling"}
 Keys = Sequence[tuple[float, float]]
+SIDES = ("Pre-Extrapolation", "Post-Extrapolation")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Keys with flags, each with its own or all with one; ``numbers``: the bits of four attributes for each flag;
+    ``beyond``: before the first key and after the last, as a letter and a count, "R 2".
+    """
+
+    keys: Keys
+    flags: Sequence[int]
+    numbers: Sequence[Sequence[int | str]]
+    beyond: Sequence[str] = ("C -1", "C -1")
+
+    def extrapolation(self) -> list[str]:
+        pairs = [(side, *beyond.split()) for side, beyond in zip(SIDES, self.beyond, strict=True) if beyond != "C -1"]
+        return [f"\t\t{side}: {{\n\t\t\tType: {kind}\n\t\t\tRepetition: {count}\n\t\t}}" for side, kind, count in pairs]
 
 
 @dataclass(frozen=True)
@@ -27,7 +48,9 @@ class Over:
 
 @dataclass(frozen=True)
 class Node:
-    """A model; ``moves``: (T, R or S, axis) -> keys of time and value; ``more``: other properties by name."""
+    """A model; ``moves``: (T, R or S, axis) -> keys of time and value; ``curves``: the same with flags, in version 7;
+    ``more``: other properties by name.
+    """
 
     name: str
     parent: str = ""
@@ -39,6 +62,7 @@ class Node:
     inherit: int = 1
     more: Mapping[str, Sequence[float]] = field(default_factory=dict)
     moves: Mapping[tuple[str, int], Keys] = field(default_factory=dict)
+    curves: Mapping[tuple[str, int], Curve] = field(default_factory=dict)
 
     def properties(self) -> dict[str, Sequence[float]]:
         own = {MOVES["T"]: self.at, MOVES["R"]: self.turned, MOVES["S"]: self.scale}
@@ -103,11 +127,13 @@ def text_7(
     flags: int = 4,
     attributes: str = "0,0,0,0",
     over: Sequence[Over] = (),
+    templates: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
 ) -> bytes:
     """A text file of version 7.4; ``takes``: name -> nodes whose moves it has, by default one of ``nodes``' own;
     ``over``: layers of the first take over its first one.
 
-    ``flags``, ``attributes``: of all keys, by default straight lines.
+    ``flags``, ``attributes``: of all keys, by default straight lines. ``templates``: name of a record and of a class,
+    "Model FbxNode" -> properties.
     """
     ids = {node.name: 1000 + n for n, node in enumerate(nodes)}
     lines = [
@@ -147,7 +173,8 @@ def text_7(
         for name, seconds in (("LocalStart", span[0]), ("LocalStop", span[1])):
             lines.append(f'\t\t\tP: "{name}", "KTime", "Time", "",{round(seconds * TICKS)}')
         lines += ["\t\t}", "\t}"]
-    return _with_definitions([*lines, "}", "Connections:  {", *(f"\t{link}" for link in links), "}"])
+    links = [f"\t{link}" for link in links]
+    return _with_definitions([*lines, "}", "Connections:  {", *links, "}"], templates or {})
 
 
 def _layer(
@@ -162,19 +189,20 @@ def _layer(
     links.append(f'C: "OO",{key},{stack}')
     for node in layer.nodes:
         for n, move in enumerate("TRS"):
-            axes = [axis for kind, axis in node.moves if kind == move]
+            curves = {key: Curve(keys, [flags], [attributes]) for key, keys in node.moves.items()} | {**node.curves}
+            axes = [axis for kind, axis in curves if kind == move]
             at = 100_000 * (key - 29) + 10 * (10 * ids[node.name] + n)
             if axes:
                 lines += _curve_node(at, node, move)
                 links += [f'C: "OO",{at},{key}', f'C: "OP",{at},{ids[node.name]}, "{MOVES[move]}"']
             for axis in axes:
-                lines += _curve(at + axis + 1, node.moves[move, axis], flags, attributes)
+                lines += _curve(at + axis + 1, curves[move, axis])
                 links.append(f'C: "OP",{at + axis + 1},{at}, "d|{"XYZ"[axis]}"')
     if layer.weights:
         at = 100_000 * (key - 29)
         lines += [f'\tAnimationCurveNode: {at}, "AnimCurveNode::Weight", "" {{', "\t\tProperties70:  {",
                   '\t\t\tP: "d|Weight", "Number", "", "A",100', "\t\t}", "\t}"]  # fmt: skip
-        lines += _curve(at + 1, layer.weights, flags, attributes)
+        lines += _curve(at + 1, Curve(layer.weights, [flags], [attributes]))
         links += [f'C: "OO",{at},{key}', f'C: "OP",{at},{key}, "Weight"', f'C: "OP",{at + 1},{at}, "d|Weight"']
     return lines, links
 
@@ -200,21 +228,22 @@ def _curve_node(at: int, node: Node, move: str) -> list[str]:
     ]
 
 
-def _curve(at: int, keys: Keys, flags: int, attributes: Sequence[str]) -> list[str]:
+def _curve(at: int, curve: Curve) -> list[str]:
+    keys, n_rows = curve.keys, len(curve.flags)
     lines = [f'\tAnimationCurve: {at}, "AnimCurve::", "" {{', f"\t\tDefault: {keys[0][1]}", "\t\tKeyVer: 4008"]
     for name, cells in (
         ("KeyTime", [round(key[0] * TICKS) for key in keys]),
         ("KeyValueFloat", [key[1] for key in keys]),
-        ("KeyAttrFlags", [flags]),
-        ("KeyAttrDataFloat", attributes),
-        ("KeyAttrRefCount", [len(keys)]),
+        ("KeyAttrFlags", curve.flags),
+        ("KeyAttrDataFloat", [number for row in curve.numbers for number in row]),
+        ("KeyAttrRefCount", [1] * n_rows if n_rows == len(keys) else [len(keys)]),
     ):
         lines += [f"\t\t{name}: *{len(cells)} {{", f"\t\t\ta: {','.join(map(str, cells))}", "\t\t}"]
-    return [*lines, "\t}"]
+    return [*lines, *curve.extrapolation(), "\t}"]
 
 
-def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> bytes:
-    """A text file of version 6.1 with one take whose keys are joined by straight lines."""
+def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0), rule: str = "L") -> bytes:
+    """A text file of version 6.1 with one take; ``rule``: of all keys, by default straight lines."""
     lines = [
         "; FBX 6.1.0 project file",
         "FBXHeaderExtension:  {",
@@ -270,7 +299,7 @@ def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> byt
                     f"\t\t\t\t\t\tKeyCount: {len(keys)}",
                 ]
                 if keys:
-                    lines.append("\t\t\t\t\t\tKey: " + ",\n\t".join(f"{round(t * TICKS)},{v},L" for t, v in keys))
+                    lines.append("\t\t\t\t\t\tKey: " + ",\n\t".join(f"{round(t * TICKS)},{v},{rule}" for t, v in keys))
                 lines += ["\t\t\t\t\t}"]
             lines += [f"\t\t\t\t\tLayerType: {n + 1}", "\t\t\t\t}"]
         lines += ["\t\t\t}", "\t\t}"]
@@ -278,13 +307,68 @@ def text_6(nodes: Sequence[Node], span: tuple[float, float] = (0.0, 1.0)) -> byt
     return _with_definitions(lines)
 
 
-def _with_definitions(lines: Sequence[str]) -> bytes:
-    """The file of lines with the counts of its objects, without which the FBX SDK reads none."""
+def _with_definitions(
+    lines: Sequence[str], templates: Mapping[str, Mapping[str, Sequence[float]]] | None = None
+) -> bytes:
+    """The file of lines with the counts of its objects, without which the FBX SDK reads none, and templates."""
     top = lines.index("Objects:  {")
     stop = lines.index("}", top)
     names = [
         line.split(":")[0].strip() for line in lines[top + 1 : stop] if line.startswith("\t") and line[1] not in "\t}"
     ]
-    counts = [f'\tObjectType: "{name}" {{\n\t\tCount: {names.count(name)}\n\t}}' for name in dict.fromkeys(names)]
+    counts = []
+    for name in dict.fromkeys([*names, *(key.split()[0] for key in templates or ())]):
+        counts += [f'\tObjectType: "{name}" {{', f"\t\tCount: {names.count(name)}"]
+        for key, properties in (templates or {}).items():
+            if key.split()[0] == name:
+                rows = [
+                    f'\t\t\t\tP: "{what}", {_kind(what, values)}, "A",{",".join(map(repr, values))}'
+                    for what, values in properties.items()
+                ]
+                head = f'\t\tPropertyTemplate: "{key.split()[1]}" {{'
+                counts += [head, "\t\t\tProperties70:  {", *rows, "\t\t\t}", "\t\t}"]
+        counts.append("\t}")
     definitions = ["Definitions:  {", "\tVersion: 100", f"\tCount: {len(names)}", *counts, "}"]
     return ("\n".join([*lines[:top], *definitions, *lines[top:]]) + "\n").encode()
+
+
+ARRAYS = {"KeyTime": "l", "KeyValueFloat": "f", "KeyAttrFlags": "i", "KeyAttrDataFloat": "I", "KeyAttrRefCount": "i"}
+"""Record of a list of numbers -> type; I: bits, which are written as numbers of 32 bits."""
+
+
+def as_binary(text: bytes, version: int = 7400) -> bytes:
+    """The same file of version 7 in the binary form."""
+    wide = version >= 7500
+    at = len(MAGIC) + 4
+    body = b""
+    for record in read_records(text, "text.fbx")[0].children:
+        body += _binary(record, at + len(body), wide)
+    return MAGIC + struct.pack("<I", version) + body + bytes(25 if wide else 13)
+
+
+def _binary(record: Record, at: int, wide: bool) -> bytes:
+    if record.name in ARRAYS:
+        kind, numbers = ARRAYS[record.name], next(child.values for child in record.children)
+        size = 8 if kind == "l" else 4
+        code, raw = kind.replace("I", "f").encode(), [int(n) & 0xFFFFFFFF if kind == "I" else n for n in numbers]
+        cells = struct.pack(f"<{len(raw)}{kind.replace('l', 'q')}", *raw)
+        values, n_values, children = code + struct.pack("<III", len(raw), 0, size * len(raw)) + cells, 1, list[Record]()
+    else:
+        values, n_values, children = b"".join(map(_scalar, record.values)), len(record.values), record.children
+    head = "<QQQB" if wide else "<IIIB"
+    start = at + struct.calcsize(head) + len(record.name) + len(values)
+    below = b""
+    for child in children:
+        below += _binary(child, start + len(below), wide)
+    below += bytes(struct.calcsize(head)) if children else b""
+    return struct.pack(head, start + len(below), n_values, len(values), len(record.name)) + (
+        record.name.encode() + values + below
+    )
+
+
+def _scalar(value: float | str) -> bytes:
+    if isinstance(value, str):
+        kind, colons, name = value.partition("::")
+        letters = (f"{name}\0\1{kind}" if colons else value).encode()
+        return b"S" + struct.pack("<I", len(letters)) + letters
+    return b"L" + struct.pack("<q", value) if isinstance(value, int) else b"D" + struct.pack("<d", value)

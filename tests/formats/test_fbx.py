@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 import signsplice as ss
 from fbx_files import Node, positions, text_6, text_7
 from signsplice.formats import fbx, load
-from signsplice.formats.fbx_takes import KeyCurve, Tangents
+from signsplice.formats.fbx_curves import KeyCurve, Tangents
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.rest_pose import rests_as_person, with_rest_pose
 
@@ -144,7 +144,7 @@ def test_keys_are_held_or_joined_by_straight_lines(flags: int, at_quarter: float
 
 
 def curve(flags: int, slopes: Sequence[float], weights: Sequence[float]) -> KeyCurve:
-    tangents = Tangents(np.array([flags] * 2), np.array([slopes] * 2), np.array([weights] * 2))
+    tangents = Tangents(np.array([8 | flags] * 2), np.array([(*slopes, 0.0)] * 2), np.array([weights] * 2))
     return KeyCurve(np.array([0.0, 2.0]), np.array([1.0, 5.0]), lambda: tangents)
 
 

@@ -134,6 +134,17 @@ def test_meshes_that_take_far_more_memory_than_their_file_are_refused(tmp_path: 
 TRUNK = (Node("Hips", moves={("R", 0): ((0, 0), (1, 9))}), Node("Spine", "Hips", (0, 20, 0)))
 
 
+@pytest.mark.parametrize("above", ["", "Rig"])
+def test_bones_that_hang_apart_get_one_root(above: str) -> None:
+    rig = (Node(above, kind="Null"),) if above else ()
+    bones = (*(replace(bone, parent=bone.parent or above) for bone in TRUNK), Node("Target", above, (50, 9, 0)))
+    document = GLTF2().load_from_bytes(as_glb(text_7((*rig, *bones)), "apart.fbx", None))
+    (root,) = (document.nodes[number] for number in document.scenes[0].nodes)
+    assert root.name == (above or "Root")
+    assert [document.nodes[number].name for number in root.children] == ["Hips", "Target"]
+    np.testing.assert_allclose(document.nodes[root.children[1]].translation, [0.5, 0.09, 0.0], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -45,8 +45,9 @@ def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | 
         if shape_of(name) is None:
             unknown[f"blend shape {name}"] = None
             continue
-        rest = numbers_of(record).get(PERCENT, record.numbers(PERCENT))
-        percent = take.values(key, PERCENT, np.append(rest, 0.0)[:1], times)
+        percent = numbers_of(record).get(PERCENT, record.numbers(PERCENT))
+        rest = np.concatenate([percent, objects.numbers_of(record).get(PERCENT, ()), [0.0]])[:1]
+        percent = take.values(key, PERCENT, rest, times)
         tracks[name] = np.broadcast_to(percent[:, 0] / 100.0, len(times))
     face = face_from(list(tracks), np.stack(list(tracks.values()), axis=1)) if tracks else None
     return face, tuple(unknown)
@@ -88,7 +89,7 @@ class _Reader:
         tops = [self.scene.models[joints[0]].name for joints in skeletons if len(joints) > 1]
         takes = [unread_take.name for unread_take in self.scene.takes if unread_take is not take and unread_take.layers]
         skeleton_read = f"the skeleton below {self.scene.models[order[0]].name!r:.80}"
-        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(skeleton_read, tops)]
+        notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(skeleton_read, tops), *take.notes()]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
 
@@ -143,7 +144,7 @@ class _Reader:
         """
         joints = {*order}
         curves = [curve for key, axes in take.model_curves() if key in joints for curve in axes if curve]
-        densest = max(curves, key=lambda curve: len(curve.times)).times
+        densest = np.unique(max(curves, key=lambda curve: len(curve.times)).times)
         start, stop = take.span
         if stop <= start:
             start, stop = min(curve.times[0] for curve in curves), max(curve.times[-1] for curve in curves)

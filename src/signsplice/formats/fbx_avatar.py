@@ -15,7 +15,7 @@ from pygltflib import Image, Material, PbrMetallicRoughness, Texture, TextureInf
 
 from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.errors import FormatError, InputError
-from signsplice.formats.fbx_records import Id, Record, name_of, numbers_of
+from signsplice.formats.fbx_records import Id, Record, name_of
 from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms, nearest_rotation
 from signsplice.formats.fbx_takes import Take, quats
 from signsplice.formats.gltf_document import unique
@@ -267,14 +267,20 @@ class _AvatarDocument:
             nodes[row].rotation = rotation.normalize(rotation.multiply(below, quats[row])).tolist()
             if above >= 0:
                 nodes[above].children.append(row)
-        self.writer.gltf.scenes[0].nodes = np.flatnonzero(parents < 0).tolist()
+        tops = np.flatnonzero(parents < 0).tolist()
+        if len(tops) > 1:  # several trees: hung below one more node, as a skeleton has one root
+            above = self.scene.parents.get(self.order[tops[0]])
+            name = "Root" if above is None else self.scene.models[above].name
+            self.writer.node(unique([*(node.name for node in nodes), name])[-1])
+            nodes[-1].children, tops = tops, [len(nodes) - 1]
+        self.writer.gltf.scenes[0].nodes = tops
         return rotation.to_matrix(rotation.inverse(quats)), positions
 
     def _material(self, key: Id | None) -> int:
         """Return the number of a material, added if it is new."""
         if key not in self._materials:
             record = None if key is None else self.scene.objects.records[key]
-            numbers = {} if record is None else numbers_of(record)
+            numbers = {} if record is None else self.scene.objects.numbers_of(record)
             colour = numbers.get("DiffuseColor", numbers.get("Diffuse", np.ones(3)))[:3]
             surface = PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.8)
             surface.baseColorFactor = [*np.clip(colour, 0.0, 1.0).tolist(), 1.0]

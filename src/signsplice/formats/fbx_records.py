@@ -275,6 +275,8 @@ _NEW_FORM = 7000
 """From this version on, takes are objects."""
 _BITS_FROM = 7200
 """From this version on, text files write the bits of key attributes as whole numbers."""
+_CLASS = re.compile(r"^K?Fbx")
+"""Begin of the name of a class of the SDK, as templates are named."""
 _WANTED = ("Model", "AnimationStack", "AnimationLayer", "AnimationCurveNode", "AnimationCurve", "Deformer", "Pose",
            "Geometry", "Material", "Texture", "Video")  # fmt: skip
 
@@ -285,6 +287,7 @@ class FbxObjects:
     top: the top record.
     records: id -> object; in files of version 6 its name is its id.
     sources: id -> the objects connected to it, each with the property that it drives, empty for none.
+    templates: name of a record -> class of its objects -> the numbers of the properties that they may leave out.
     ticks: units of time in a second.
     has_old_takes: whether takes are not objects.
     has_bits: whether the bits of key attributes are written as whole numbers.
@@ -297,6 +300,14 @@ class FbxObjects:
         self.has_old_takes = version < _NEW_FORM
         self.has_bits = version >= _BITS_FROM and not content.startswith(MAGIC[:20])
         self.records: dict[Id, Record] = {r.values[0]: r for r in within(self.top, "Objects", _WANTED) if r.values}
+        self.templates: dict[str, dict[str, dict[str, FloatArray]]] = {
+            str(kind.values[0]): {
+                _CLASS.sub("", str(*template.values[:1])): numbers_of(template)
+                for template in kind.all("PropertyTemplate")
+            }
+            for kind in within(self.top, "Definitions", ("ObjectType",))
+            if kind.values
+        }
         self.sources: dict[Any, list[tuple[Any, str]]] = defaultdict(list)
         for record in within(self.top, "Connections", ("C", "Connect")):
             _, source, target, what = (*record.values, "")[:4]
@@ -308,6 +319,16 @@ class FbxObjects:
             record = self.records.get(source)
             if record is not None and record.name == name and (not kind or record.values[-1] == kind):
                 yield source, what
+
+    def numbers_of(self, record: Record) -> dict[str, FloatArray]:
+        """Return property -> numbers of an object: its own, over those of the template of its class.
+
+        Classes of deformers have different properties; of other objects, the first template counts if none is named as
+        their kind.
+        """
+        templates = self.templates.get(record.name, {})
+        first = {} if record.name == "Deformer" else next(iter(templates.values()), {})
+        return templates.get(str(*record.values[-1:]), first) | numbers_of(record)
 
     def all(self, name: str, kind: str = "") -> Iterator[tuple[Id, Record]]:
         """Yield the objects whose records have a name and, if given, a kind."""
@@ -323,7 +344,7 @@ def within(top: Record, name: str, kinds: Collection[str]) -> list[Record]:
 
 
 def numbers_of(record: Record) -> dict[str, FloatArray]:
-    """Return property -> numbers of a record, in the form of version 7 or 6."""
+    """Return property -> numbers that stand in a record, in the form of version 7 or 6."""
     properties: dict[str, FloatArray] = {}
     for name, kind, first in (("Properties70", "P", 4), ("Properties60", "Property", 3)):
         part = record.find(name)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
+from signsplice.formats.fbx_records import FbxObjects, Id, Record, name_of, numbers_of, within
 from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
@@ -23,8 +23,11 @@ BONES = ("LimbNode", "Limb", "Root")
 """Kinds of models that are joints."""
 _ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX", "XYZ")
 """By FBX number: axes in the order of their rotations."""
-_RATES = (30, 120, 100, 60, 50, 48, 30, 30, 30 / 1.001, 30 / 1.001, 25, 24, 1000, 24 / 1.001, 0, 96, 72, 60 / 1.001)
+_RATES = (30, 120, 100, 60, 50, 48, 30, 30, 30 / 1.001, 30 / 1.001, 25, 24, 1000, 24 / 1.001, 0, 96, 72, 60 / 1.001,
+          120 / 1.001)  # fmt: skip
 """Frames a second by ``TimeMode``; 0: ``CustomFrameRate``."""
+_CUSTOM = 14
+"""``TimeMode``: the rate is ``CustomFrameRate``."""
 _SCALE_LAST = 0
 """``InheritType``: inherited scale acts in the model's own axes."""
 _SCALE_FIRST = 1
@@ -95,10 +98,9 @@ class FbxScene:
 
     def __init__(self, content: bytes, file: str, limits: ReadLimits) -> None:
         self.objects = FbxObjects(content, file, limits)
-        settings = self.objects.top.find("GlobalSettings")
-        self.settings = {} if settings is None else numbers_of(settings)
+        self.settings = _settings(self.objects.top)
         self.models = {  # in files of version 6 an id is a name with the kind of record in front
-            key: Model(name_of(record.values[-2]), str(record.values[-1]), numbers_of(record))
+            key: Model(name_of(record.values[-2]), str(record.values[-1]), self.objects.numbers_of(record))
             for key, record in self.objects.all("Model")
         }
         self.parents: dict[Id, Id] = {
@@ -200,6 +202,22 @@ class FbxScene:
                 skinned.add(source)
         usable = {key: cells for key, cells in stored.items() if key in self.models and len(cells) == 16}
         return {key: cells.reshape(4, 4).T for key, cells in usable.items()}, skinned
+
+
+def _settings(top: Record) -> dict[str, FloatArray]:
+    """Return the file's settings: property -> numbers. Version 6 keeps them among the objects, where later ones count,
+    and the frame rate in settings of version 5 besides.
+    """
+    settings: dict[str, FloatArray] = {}
+    for record in (*top.all("GlobalSettings"), *within(top, "Objects", ("GlobalSettings",))):
+        settings |= numbers_of(record)
+    if not settings.get("TimeMode", np.zeros(1))[0]:
+        for record in within(top, "Version5", ("Settings",)):
+            rate = record.find("FrameRate")
+            text = "" if rate is None else str(*rate.values[:1])
+            if text.replace(".", "", 1).isdigit():
+                settings |= {"TimeMode": np.array([float(_CUSTOM)]), "CustomFrameRate": np.array([float(text)])}
+    return settings
 
 
 def _parent_scaling(kind: int, above: Transforms, quats: FloatArray) -> FloatArray:
