@@ -729,5 +729,152 @@ RIGS: dict[str, tuple[str, list[str]]] = {
             ),
         ],
     ),
+    "mmd in Japanese": (
+        "mmd",
+        [
+            "全ての親/センター/グルーブ/腰=hips/上半身=spine/上半身2=chest/首=neck/頭=head/両目",
+            *both_sides(
+                [
+                    "頭/左目=leftEye",
+                    "上半身2/左肩P/左肩=leftShoulder/左肩C/左腕=leftUpperArm/左腕捩/左ひじ=leftLowerArm/左手捩/左手首=leftHand",
+                    "左手首/左親指０=leftThumbMetacarpal/左親指１=leftThumbProximal/左親指２=leftThumbDistal/左親指先",
+                    *finger_chains("左手首", "左{}{}", "親指 人指 中指 薬指 小指", "０ １ ２", "１ ２ ３")[1:],
+                    "左人指３/左人指先",
+                    "腰/下半身/腰キャンセル左/左足=leftUpperLeg/左ひざ=leftLowerLeg/左足首=leftFoot/左つま先=leftToes",
+                    "全ての親/左足IK親/左足ＩＫ/左つま先ＩＫ",
+                ],
+                "左",
+                "右",
+            ),
+        ],
+    ),
+    # Half-width letters, the thumb's last two joints only, and Blender's sides at the end.
+    "mmd in Japanese, of an early model in Blender": (
+        "mmd",
+        [
+            "ｾﾝﾀｰ=hips/上半身=spine/首=neck/頭=head",
+            *both_sides(
+                [
+                    "上半身/肩.L=leftShoulder/腕.L=leftUpperArm/ひじ.L=leftLowerArm/手首.L=leftHand"
+                    "/親指1.L=leftThumbProximal/親指2.L=leftThumbDistal",
+                    "手首.L/人差指1.L=leftIndexProximal/人差指2.L=leftIndexIntermediate/人差指3.L=leftIndexDistal",
+                    "ｾﾝﾀｰ/下半身/足.L=leftUpperLeg/ひざ.L=leftLowerLeg/足首.L=leftFoot",
+                ],
+                r"\.L$",
+                ".R",
+            ),
+        ],
+    ),
+    "mmd as mmd_tools translates it": (
+        "mmd",
+        [
+            "Center/Groove/Waist=hips/UpperBody=spine/UpperBody2=chest/Neck=neck/Head=head/Eyes",
+            *both_sides(
+                [
+                    "Head/Eye_L=leftEye",
+                    "UpperBody2/Shoulder_L=leftShoulder/Arm_L=leftUpperArm/ArmTwist_L/Elbow_L=leftLowerArm/Wrist_L=leftHand",
+                    *finger_chains(
+                        "Wrist_L", "{}{}_L", "Thumb IndexFinger MiddleFinger RingFinger LittleFinger", "0 1 2", "1 2 3"
+                    ),
+                    "Waist/LowerBody/Leg_L=leftUpperLeg/Knee_L=leftLowerLeg/Ankle_L=leftFoot/ToeTip_L=leftToes",
+                    "Center/LegIK_L/ToeTipIK_L",
+                ],
+                "_L$",
+                "_R",
+            ),
+        ],
+    ),
+    **{
+        f"quest, {prefix}": (
+            "quest",
+            prefixed(
+                f"{prefix}_",
+                [
+                    "Root/Hips=hips/SpineLower=spine/SpineMiddle/SpineUpper=chest/Chest=upperChest/Neck=neck/Head=head",
+                    *both_sides(
+                        [
+                            "Chest/LeftShoulder=leftShoulder/LeftScapula",
+                            "LeftShoulder/LeftArmUpper=leftUpperArm/LeftArmLower=leftLowerArm/LeftHandWristTwist",
+                            "LeftArmLower/LeftHandWrist=leftHand/LeftHandPalm",
+                            *finger_chains(
+                                "LeftHandWrist",
+                                "LeftHand{}{}",
+                                "Thumb Index Middle Ring Little",
+                                "Metacarpal Proximal Distal",
+                                "Proximal Intermediate Distal",
+                                "LeftHand{}Metacarpal",
+                            ),
+                            "LeftHandThumbDistal/LeftHandThumbTip",
+                            "LeftHandIndexDistal/LeftHandIndexTip",
+                            *legs,
+                        ],
+                        "Left",
+                        "Right",
+                    ),
+                ],
+            ),
+        )
+        for prefix, legs in (
+            ("Body", ()),
+            (
+                "FullBody",
+                (
+                    "Hips/LeftUpperLeg=leftUpperLeg/LeftLowerLeg=leftLowerLeg/LeftFootAnkleTwist"
+                    "/LeftFootAnkle=leftFoot/LeftFootSubtalar/LeftFootTransverse/LeftFootBall=leftToes",
+                ),
+            ),
+        )
+    },
+    "quest, both hands": (
+        "quest",
+        [
+            "hands",
+            *both_sides(
+                [
+                    "hands/b_l_wrist=leftHand/b_l_forearm_stub",
+                    "b_l_wrist/b_l_thumb0/b_l_thumb1=leftThumbMetacarpal/b_l_thumb2=leftThumbProximal"
+                    "/b_l_thumb3=leftThumbDistal/b_l_thumb_null",
+                    *finger_chains("b_l_wrist", "b_l_{}{}", FIVE, "1 2 3", "1 2 3")[1:4],
+                    "b_l_wrist/b_l_pinky0/b_l_pinky1=leftLittleProximal/b_l_pinky2=leftLittleIntermediate"
+                    "/b_l_pinky3=leftLittleDistal",
+                ],
+                "_l_",
+                "_r_",
+            ),
+        ],
+    ),
+    # Second Life's avatar, with the joints that Bento adds.
+    "second life, of its own names": (
+        "secondLife",
+        [
+            "mPelvis=hips/mSpine1/mSpine2/mTorso=spine/mSpine3/mSpine4/mChest=chest/mNeck=neck/mHead=head/mSkull",
+            "mHead/mFaceRoot/mFaceJaw=jaw",
+            *both_sides(
+                [
+                    "mHead/mEyeLeft=leftEye",
+                    "mFaceRoot/mFaceEyeAltLeft",
+                    "mChest/mCollarLeft=leftShoulder/mShoulderLeft=leftUpperArm/mElbowLeft=leftLowerArm/mWristLeft=leftHand",
+                    *finger_chains("mWristLeft", "mHand{}{}Left", "Thumb Index Middle Ring Pinky", "1 2 3", "1 2 3"),
+                    "mPelvis/mHipLeft=leftUpperLeg/mKneeLeft=leftLowerLeg/mAnkleLeft=leftFoot/mFootLeft=leftToes/mToeLeft",
+                ],
+                "Left",
+                "Right",
+            ),
+        ],
+    ),
+    "second life, of its own names, without Bento": (
+        "secondLife",
+        [
+            "mPelvis=hips/mTorso=spine/mChest=chest/mNeck=neck/mHead=head",
+            *both_sides(
+                [
+                    "mChest/mCollarLeft=leftShoulder/mShoulderLeft=leftUpperArm/mElbowLeft=leftLowerArm/mWristLeft=leftHand",
+                    "mPelvis/mHipLeft=leftUpperLeg/mKneeLeft=leftLowerLeg/mAnkleLeft=leftFoot/mFootLeft=leftToes",
+                ],
+                "Left",
+                "Right",
+            ),
+        ],
+    ),
 }
 """Rig -> the naming convention that it follows, and its chains."""

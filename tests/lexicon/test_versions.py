@@ -18,7 +18,7 @@ from signsplice.motion import Clip
 
 VERSION_1 = Path(__file__).parent / "version-1"
 """Three words, written by version 0.5: I (ME), YOU and fs-A, in 16 bits."""
-CARD = {"card": b"\0\1" * 40, "language": b"ase", "owned": b"[]"}
+EXTRA = {"tags": b"\0\1" * 40, "language": b"ase", "owned": b"[]"}
 
 
 def sql(path: Path, line: str) -> None:
@@ -31,7 +31,7 @@ def sql(path: Path, line: str) -> None:
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     with lexicon.building(tmp_path / "lex") as builder:
-        builder.add(random_clip(0), "TREE", synonyms=["WOOD"], extensions=CARD)
+        builder.add(random_clip(0), "TREE", synonyms=["WOOD"], extensions=EXTRA)
         builder.add(random_clip(1), "HOUSE")
     return tmp_path / "lex"
 
@@ -59,7 +59,7 @@ def test_a_lexicon_of_version_1_is_read(words: dict[str, Clip], tmp_path: Path) 
 
 def test_what_is_added_to_a_word_is_kept_by_name(path: Path) -> None:
     with lexicon.open(path) as lex:
-        assert lex.extensions("wood") == CARD
+        assert lex.extensions("wood") == EXTRA
         assert lex.extensions("HOUSE") == {}
         assert list(lex.faults()) == []
         with pytest.raises(UnknownGlossError):
@@ -68,7 +68,7 @@ def test_what_is_added_to_a_word_is_kept_by_name(path: Path) -> None:
             for gloss in lex:
                 builder.add(lex.clip(gloss), gloss, extensions=lex.extensions(gloss))
     with lexicon.open(path.with_name("copy")) as copy:
-        assert copy.extensions("TREE") == CARD
+        assert copy.extensions("TREE") == EXTRA
 
 
 def test_channels_of_a_newer_version_are_ignored_and_damaged_ones_are_an_error(tmp_path: Path) -> None:
@@ -88,11 +88,11 @@ def test_channels_of_a_newer_version_are_ignored_and_damaged_ones_are_an_error(t
 @pytest.mark.parametrize(
     "line",
     [
-        "UPDATE extension SET value = x'00' WHERE name = 'card'",
-        "UPDATE extension SET name = 'cart' WHERE name = 'card'",
-        "UPDATE extension SET word = 2 WHERE name = 'card'",
+        "UPDATE extension SET value = x'00' WHERE name = 'tags'",
+        "UPDATE extension SET name = 'tag' WHERE name = 'tags'",
+        "UPDATE extension SET word = 2 WHERE name = 'tags'",
         "DELETE FROM extension",
-        "UPDATE extension SET value = 'text' WHERE name = 'card'",
+        "UPDATE extension SET value = 'text' WHERE name = 'tags'",
     ],
 )
 def test_another_extension_than_was_written_is_found(line: str, path: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_version_has_its_own_tables(change: Callable[[Path], None], path: Path
 
 def test_an_extension_is_bytes_by_a_printable_name(tmp_path: Path) -> None:
     with lexicon.building(tmp_path / "lex") as builder:
-        for extensions in ({"a\n": b""}, {"card": "text"}):
+        for extensions in ({"a\n": b""}, {"tags": "text"}):
             with pytest.raises(InputError, match="expected bytes by printable names"):
                 builder.add(random_clip(0), "TREE", extensions=extensions)  # type: ignore[arg-type]
         builder.add(random_clip(0), "TREE")

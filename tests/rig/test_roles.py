@@ -271,3 +271,29 @@ def test_real_clips_have_every_role_but_eyes_and_jaw(real_clips: dict[str, Clip]
         assert set(ROLES) - set(humanoid.joints) == {"jaw", "leftEye", "rightEye"}, name
         for role, end in (("hips", "Hips"), ("upperChest", "Spine2"), ("rightLittleDistal", "RightHandPinky3")):
             assert clip.skeleton.names[humanoid.joints[role]].endswith(end), name
+
+
+@pytest.mark.parametrize(
+    ("prefix", "words", "thumb", "others"),
+    [
+        ("XRHand_", "Thumb Index Middle Ring Little", "Metacarpal Proximal Distal", "Proximal Intermediate Distal"),
+        ("Hand_", "Thumb Index Middle Ring Pinky", "1 2 3", "1 2 3"),
+    ],
+)
+def test_a_quest_hand_that_names_no_side_has_that_of_the_joint_above(
+    prefix: str, words: str, thumb: str, others: str
+) -> None:
+    chains = finger_chains("LeftHand", f"{prefix}{{}}{{}}", words, thumb, others)
+    skeleton, roles = skeleton_of("Hips/LeftArm/LeftForeArm/LeftHand", *chains)
+    roles_of_fingers = {role: name for role, name in named(skeleton, find_roles(skeleton)).items() if prefix in name}
+    assert roles_of_fingers == roles
+
+
+@pytest.mark.parametrize("wrist", ["{}XRHand_Wrist", "{}Hand_WristRoot", "hands:b_{}wrist", "hands:b_{}hand"])
+def test_a_quest_wrist_is_the_hand_by_any_of_its_names(wrist: str) -> None:
+    names = {side: wrist.format(f"{side}_") for side in "lr"}
+    chains = [f"rig/{name}/b_{side}_index1/b_{side}_index2/b_{side}_index3" for side, name in names.items()]
+    skeleton, _ = skeleton_of(*chains)
+    found = named(skeleton, find_roles(skeleton))
+    assert (found["leftHand"], found["rightHand"]) == (names["l"], names["r"])
+    assert len(found) == 8

@@ -14,6 +14,8 @@ from signing import marked
 from signsplice.errors import SignspliceError
 from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip
+from signsplice.motion.cache import Cache
+from signsplice.splicing import cards
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.bundle import Sessions
 from signsplice.splicing.contracts import Gap, Transition
@@ -136,6 +138,7 @@ def test_a_word_is_read_once_for_all_sentences(monkeypatch: pytest.MonkeyPatch) 
         return run(self, name, inputs, **shapes)
 
     monkeypatch.setattr(Sessions, "run", counted)
+    monkeypatch.setattr(cards, "CACHE", Cache())  # of which no word is known
     words = [clip[:] for clip in sentence(0, 3, 5)]
     splice_many([[words[0], words[1]], [words[1], words[2]], [words[2], words[0]], [words[1], words[0]]])
     assert runs.count("cut") == 3

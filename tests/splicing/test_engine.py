@@ -372,3 +372,48 @@ def test_a_longer_transition_is_no_remedy_for_a_jump_within_a_sign(sentence: lis
     assert "a hand jumps in the signs beside it" in line
     (seam,) = splice([first, second], options).seams
     assert "a longer transition time would help" in seam.warnings[0]
+
+
+# --- the rate of a sentence ---
+
+
+def at_rate(clip: Clip, fps: float) -> Clip:
+    return replace(resample(clip, fps), name=f"{clip.name}-{fps:g}")
+
+
+def test_a_first_clip_of_few_frames_a_second_takes_the_highest_rate_of_all(sentence: list[Clip]) -> None:
+    slow, word = at_rate(sentence[0], 1.0), sentence[1]
+    result = splice([slow, word, at_rate(word, 12.0)], CLASSICAL)
+    assert result.clip.fps == word.fps == 30.0
+    line = f"{slow.name}: 1 fps are too few for signing; the sentence has 30, the highest of its clips"
+    assert result.warnings[0] == line
+    span = result.spans[2]
+    assert span.source is not None
+    own = (*channel_joints(word, "left arm"), *channel_joints(word, "right arm"))
+    own = tuple(joint for joint in own if joint not in remade_joints(span, word))
+    assert own
+    shown = result.clip.local_rotations[slice(*span.output), own]
+    assert np.array_equal(shown, word.local_rotations[slice(*span.source), own]), "the second word keeps its frames"
+
+
+@pytest.mark.parametrize(("fps", "expected"), [(20.0, 20.0), (24.0, 24.0), (19.0, 30.0)])
+def test_the_first_clip_sets_the_rate_from_20_on(fps: float, expected: float, sentence: list[Clip]) -> None:
+    result = splice([at_rate(sentence[0], fps), sentence[1]], CLASSICAL)
+    assert result.clip.fps == expected
+    assert any("too few for signing" in line for line in result.warnings) is (expected != fps)
+
+
+def test_clips_of_one_low_rate_and_the_rate_of_the_user_stay(sentence: list[Clip]) -> None:
+    slow = [at_rate(clip, 10.0) for clip in sentence[:2]]
+    for clips, options in ((slow, CLASSICAL), ([slow[0], sentence[1]], replace(CLASSICAL, fps=10.0))):
+        result = splice(clips, options)
+        assert result.clip.fps == 10.0
+        assert not any("fps" in line for line in result.warnings)
+
+
+def test_a_stream_that_begins_with_a_low_rate_has_that_of_the_networks(sentence: list[Clip]) -> None:
+    pieces = list(stream([at_rate(sentence[0], 5.0), at_rate(sentence[1], 60.0)], CLASSICAL))
+    assert {piece.clip.fps for piece in pieces} == {30.0}
+    assert "5 fps are too few for signing; the sentence has 30, a stream's" in pieces[0].warnings[0]
+    (usual, *_) = stream([at_rate(sentence[0], 25.0), sentence[1]], CLASSICAL)
+    assert usual.clip.fps == 25.0

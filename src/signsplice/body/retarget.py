@@ -19,7 +19,7 @@ from signsplice.body.fit import WRISTS, Fit
 from signsplice.body.skin_contacts import SkinFit
 from signsplice.body.thumb_contacts import keep_thumb_contacts
 from signsplice.motion import Clip, FloatArray, Skeleton
-from signsplice.rig.align import Reference, copy_rotations, placement, settle
+from signsplice.rig.align import Reference, copy_rotations, list_names, placement, settle
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
@@ -29,8 +29,6 @@ ALIKE = 0.005
 """Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this count as one:
 rotations are enough.
 """
-_NAMED = 6
-"""Largest number of names in a warning."""
 _SHORT = 0.1
 """Lengths below this part of the longest count as that long in comparisons."""
 BEYOND_M = 0.02
@@ -67,18 +65,31 @@ def retarget(clip: Clip, onto: Clip | Skeleton) -> Retargeted:
 
     Raises ``RigMismatchError`` if the two rigs have nothing in common.
     """
-    if not isinstance(onto, Clip | Skeleton):
-        what = f"{onto!r:.60}" if isinstance(onto, str) else f"a {type(onto).__name__}"
-        raise TypeError(f"onto is {what}, expected a clip or an avatar; a file's is load(path) or read_avatar(path)")
     clip = with_rest_pose(clip)
-    skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
-    pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
-    name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
-    fitted = _fit_clip(clip, Reference(skeleton, clip.fps, placement(clip), pose, name))
+    fitted = _fit_clip(clip, _body_reference(clip, onto, clip.fps))
     lines = [f"{clip.name}: {line}" for line in clip_warnings(clip)]
     if isinstance(onto, Avatar):
         lines = [*onto.warnings, *_face_warnings(clip, onto), *lines]
     return replace(fitted, warnings=(*lines, *fitted.warnings))
+
+
+def _body_reference(clip: Clip, onto: Clip | Skeleton, fps: float) -> Reference:
+    """Returns the reference with the body ``onto``, at the clip's place in the clip's unit."""
+    if not isinstance(onto, Clip | Skeleton):
+        what = f"{onto!r:.60}" if isinstance(onto, str) else f"a {type(onto).__name__}"
+        raise TypeError(f"onto is {what}, expected a clip or an avatar; a file's is load(path) or read_avatar(path)")
+    skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
+    pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
+    name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
+    return Reference(skeleton, fps, placement(clip), pose, name)
+
+
+def reference_onto(first: Clip, onto: Clip | Skeleton, fps: float) -> Reference:
+    """Returns the reference with the body ``onto`` and a rate, at the place of ``first`` as it stands on that body.
+    Raises as ``retarget`` does.
+    """
+    to = _body_reference(first, onto, fps)
+    return replace(to, placement=placement(copy_rotations(first, to, isinstance(to.skeleton, Avatar))[0]))
 
 
 def align(clip: Clip, to: Reference) -> Retargeted:
@@ -215,8 +226,7 @@ def _face_warnings(clip: Clip, avatar: Avatar) -> tuple[str, ...]:
     from signsplice.motion.face import target_weights  # loads scipy, which few clips need
 
     _, lost = target_weights(clip.face, [control.name for control in avatar.file.face])
-    shown = ", ".join(lost[:_NAMED]) + (f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
-    return (f"{avatar.label}: its face does not show {shown}",) if lost else ()
+    return (f"{avatar.label}: its face does not show {list_names(lost)}",) if lost else ()
 
 
 def _reach_warnings(beyond: FloatArray, name: str) -> tuple[str, ...]:

@@ -160,7 +160,9 @@ class SentenceMaker:
         if key not in self._clips:
             clip = self.words.clip(gloss)
             if signer and self.words.entry(gloss).signer != signer:
-                clip = replace(retarget(clip, self._body(signer)).clip, name=clip.name)
+                done = retarget(clip, self._body(signer))
+                lines = tuple(line.removeprefix(f"{clip.name}: ") for line in done.warnings)
+                clip = replace(done.clip, name=clip.name, notes=lines)
             self._clips[key] = clip
             while len(self._clips) > self._n_words_kept:
                 self._clips.popitem(last=False)

@@ -11,7 +11,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, limits, read_as, reads_clips
 from signsplice.cli.options import AS_JSON, flag, option
-from signsplice.cli.terminal import progress, warn
+from signsplice.cli.terminal import note, one_line, progress, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,11 +86,12 @@ def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str
     from signsplice.formats import atomic
     from signsplice.lexicon import build as build_lexicon
     from signsplice.lexicon.folder import reasons
+    from signsplice.splicing.cards import make_card
 
     with progress(f"building {Path(output).name}") as advance:
-        built = build_lexicon(inputs, output, progress=advance, **others)
+        built = build_lexicon(inputs, output, progress=advance, make_card=make_card, **others)
     if all_warnings:
-        atomic.write(all_warnings, "".join(f"{line}\n" for line in built.warnings))
+        atomic.write(all_warnings, "".join(f"{one_line(line)}\n" for line in built.warnings))
     if len(built.warnings) <= _MOST_WARNINGS:
         warn(built.warnings)
     else:
@@ -98,9 +99,9 @@ def _build(inputs: tuple[str, ...], output: str, strict: bool, all_warnings: str
         where = all_warnings or f"of a build with --warnings FILE: all {len(built.warnings):,}, one a line"
         warn([f"every warning: {where}"])
     for count, reason, _ in reasons(built.left_out):
-        print(f"{count:6} left out: {reason.removesuffix('; left out')}")
+        print(f"{count:6} left out: {one_line(reason.removesuffix('; left out'))}")
     for line in built.unread:
-        print(f"       {line}")
+        print(f"       {one_line(line)}")
     print(f"{output}: {_count(built.n_words, built.n_letters)}, {built.n_bytes / 1e6:.1f} MB, {built.form}")
     if strict and built.left_out:
         sys.exit(1)
@@ -119,7 +120,7 @@ def list_words(path: str | None, search: str | None, as_json: bool) -> None:
             print(json.dumps(head | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))
             return
         for entry in entries:
-            print(_line(entry))
+            print(one_line(_line(entry)))
         n_letters = sum(entry.kind == "letter" for entry in entries)
         print(f"{words.path}: {_count(len(entries), n_letters)}" + (f" of {len(words)}" if search else ""))
 
@@ -181,9 +182,10 @@ def check(path: str, page: str | None) -> None:
             checked = folder.check(path, None, advance, limits(), read_as())
         faults, warnings = checked.faults, checked.warnings
         contents = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
+        note(checked.unread)
     warn(warnings)
     for fault in faults:
-        print(" ".join(fault.splitlines()))
+        print(one_line(fault))
     print(f"{path}: {contents}, {len(faults) or 'no'} fault{'s' if len(faults) != 1 else ''}")
     if faults:
         sys.exit(1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -46,6 +46,7 @@ from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.body.capsules import Avatar
+    from signsplice.motion import Clip
     from signsplice.splicing.engine import SpliceOptions, SpliceResult
 
 Chosen = TypeVar("Chosen")
@@ -83,7 +84,8 @@ _splicing_options = combine_options(
         "citation|natural|SECONDS",
         "Signs as recorded, as fast as in running signing, or SECONDS (0.4 to 1.5) a sign with its transition.",
     ),
-    option("--fps", "N", "Output frame rate.  [default: that of the first clip]", type=float),
+    option("--fps", "N", "Output frame rate.  [default: the first clip's; if under 20, the highest]", type=float),
+    option("--onto", "RIG", "Clip whose skeleton signs.  [default: the first clip's, or one that loses fewer joints]"),
     preset(
         "--free-hand",
         "natural",
@@ -128,7 +130,9 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
     clip_faces = zip(clips, faces_of(clips, faces), strict=True)
     loaded = [load(path, warns=False, face=face, face_offset=face_offset) for path, face in clip_faces]
     load_ms = 1e3 * (time.perf_counter() - began)
-    target.deliver(engine.splice(loaded, options), load_ms)
+    result = engine.splice(loaded, options)
+    _note_rates(loaded, result.clip.fps)
+    target.deliver(result, load_ms)
 
 
 @click.command()
@@ -192,6 +196,7 @@ def sentence(
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses, owns.get), options)
+    _note_rates(clips.values(), result.clip.fps)
     report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
     target.deliver(result, load_ms, report_keys)
 
@@ -208,7 +213,7 @@ def _begin(
     """Return the target of a call, and the result of ``read`` for its dials, before any clip is read. Raises
     ``InputError`` for an output that is one of ``inputs`` or another file that the call reads.
     """
-    check_outputs(output, report, [*inputs, avatar, *_networks(**dials)])
+    check_outputs(output, report, [*inputs, avatar, dials.get("onto"), *_networks(**dials)])
     chosen = read(**dials)
     if skin and avatar is None:
         raise InputError("--skin names meshes of an avatar, expected --avatar too")
@@ -216,7 +221,12 @@ def _begin(
 
 
 def _splice_options(
-    transition_time: str, cutter: str | None, transition: str | None, system: str | None, **others: Any
+    transition_time: str,
+    cutter: str | None,
+    transition: str | None,
+    system: str | None,
+    onto: str | None,
+    **others: Any,
 ) -> SpliceOptions:
     """Return the ``SpliceOptions`` of a call. Raises ``InputError`` for unknown methods, before any file is read."""
     from signsplice.splicing.engine import SpliceOptions
@@ -236,7 +246,15 @@ def _splice_options(
         **others,
     )
     options.choose_methods()
-    return options
+    return options if onto is None else replace(options, onto=load(onto))
+
+
+def _note_rates(clips: Iterable[Clip], fps: float) -> None:
+    """Note the clips that were brought to another frame rate, that of the sentence."""
+    from signsplice.rig.align import list_names
+
+    others = list(dict.fromkeys(f"{clip.name} ({clip.fps:.6g})" for clip in clips if abs(clip.fps - fps) > 1e-3 * fps))
+    note([f"brought to the sentence's {fps:.6g} fps: {list_names(others)}"] if others else [])
 
 
 def _networks(

@@ -6,19 +6,19 @@ import hashlib
 import json
 import re
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
 from signsplice.lexicon import store
-from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, encode, fingerprint
+from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, decode, encode, fingerprint
 from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
 from signsplice.motion import Clip, Skeleton, copy_unchecked
-from signsplice.rig.info import active_span, arms
+from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings, motion_span
 from signsplice.rig.rest_pose import with_rest_pose
 
@@ -32,6 +32,7 @@ class PreparedWord:
     rest_before, rest_after: as in ``Entry``.
     block: its encoded frames.
     warnings: warnings about the clip.
+    card: what splices know of it by itself; empty if unknown.
     """
 
     name: str
@@ -43,6 +44,7 @@ class PreparedWord:
     rest_after: int | None
     block: bytes
     warnings: tuple[str, ...] = ()
+    card: bytes = b""
 
     def entry(
         self, gloss: str, kind: str, synonyms: tuple[str, ...], signer: str, source: str, checked: bool = False
@@ -53,15 +55,27 @@ class PreparedWord:
         return Entry(gloss, kind, synonyms, self.fps, self.n_frames, signer, source, checked, *rests, digest)
 
 
-def prepare(clip: Clip, form: str, warns: bool = False) -> PreparedWord:
-    """Prepare a clip. Raises ``InputError`` if it has too many joints or a position exceeds float32."""
+MakeCard = Callable[[Clip, str], bytes]
+"""Makes the card of a clip whose stored frames have a SHA-256."""
+
+
+def prepare(clip: Clip, form: str, warns: bool = False, make_card: MakeCard | None = None) -> PreparedWord:
+    """Prepare a clip, with a card if there is a function that makes it. Raises ``InputError`` if it has too many joints
+    or a position exceeds float32.
+    """
     lines: tuple[str, ...] = ()
     if warns:
         with suppress(InputError):  # ``splice`` reports roles that do not fit
             lines = clip_warnings(clip)
     described, has_translations = store.describe(clip.skeleton), clip.translations is not None
     rests = _rest_frames(clip)
-    return PreparedWord(clip.name, clip.fps, len(clip), has_translations, described, *rests, encode(clip, form), lines)
+    block = encode(clip, form)
+    word = PreparedWord(clip.name, clip.fps, len(clip), has_translations, described, *rests, block, lines)
+    if make_card is None or not rig_info(clip.skeleton).has_arms:
+        return word
+    entry = word.entry(clip.name, "sign", (), "", "")
+    stored = decode(memoryview(block), form, has_translations, clip.skeleton, entry)
+    return replace(word, card=make_card(stored, entry.sha256))
 
 
 def _rest_frames(clip: Clip) -> tuple[int | None, int | None]:
@@ -136,7 +150,7 @@ class Builder:
         for folded, name in names.items():
             if folded in self._names:
                 raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[folded]}")
-        added = dict(sorted((extensions or {}).items()))
+        added = dict(sorted((({store.CARD: word.card} if word.card else {}) | dict(extensions or {})).items()))
         if not all(name.isprintable() and isinstance(value, bytes) for name, value in added.items()):
             raise InputError(f"extensions {', '.join(added)[:80]!r} of {gloss}, expected bytes by printable names")
         entry = word.entry(gloss, kind, tuple(names.values())[1:], signer, source, checked)

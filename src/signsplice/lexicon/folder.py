@@ -17,22 +17,23 @@ from typing import TYPE_CHECKING
 
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
-from signsplice.formats import AS_WRITTEN, FORMATS, READ_SUFFIXES, ReadAs, atomic, load
+from signsplice.formats import AS_WRITTEN, FORMATS, READ_SUFFIXES, ReadAs, atomic, load, skeletons
 from signsplice.formats.live_link import with_face_of
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.lexicon.builder import PreparedWord, SharedSkeletons, building, check_target, prepare
+from signsplice.lexicon.builder import MakeCard, PreparedWord, SharedSkeletons, building, check_target, prepare
 from signsplice.lexicon.gloss import gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
 from signsplice.lexicon.store import owns_extension
-from signsplice.motion import Clip
+from signsplice.motion import Clip, Skeleton
 from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
+from signsplice.rig.inspection import role_warnings
 
 if TYPE_CHECKING:
     from signsplice.written.tree import WrittenSign
 
 
-_VERSION = 2
+_VERSION = 3
 """Version of the words that a stopped build has prepared."""
 _FILES_A_PROCESS = 50
 """Files that can be read in the time that a process takes to start."""
@@ -50,7 +51,7 @@ class Built:
     form: how rotations are stored.
     warnings: one line each.
     left_out: words and files left out, one line each; also among the warnings.
-    unread: further data of words in an archive, a line for each kind of file.
+    unread: files that are not read, a line of those with further data of words in an archive and one of other kinds.
     """
 
     n_words: int
@@ -69,11 +70,13 @@ class Checked:
     n_clips: number of clips.
     faults: everything that prevents a build, one line each.
     warnings: further warnings, one line each.
+    unread: as in ``Built``.
     """
 
     n_clips: int
     faults: list[str]
     warnings: list[str]
+    unread: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class FileTask:
     spans: start and end of each word, seconds; None if it begins or ends with the file.
     face: a file with its face; by default the one beside the clip, if any.
     form: one of ``FORMS``. read, limits: as in ``build``.
-    store: a folder that keeps prepared words.
+    store: a folder that keeps prepared words. make_card: as in ``build``.
     """
 
     paths: tuple[Path, ...]
@@ -94,6 +97,7 @@ class FileTask:
     limits: ReadLimits
     store: Path | None = None
     face: Path | None = None
+    make_card: MakeCard | None = None
 
 
 def build(
@@ -110,6 +114,7 @@ def build(
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
     read: ReadAs = AS_WRITTEN,
+    make_card: MakeCard | None = None,
 ) -> Built:
     """Build a lexicon at ``output`` from every clip below folders, and from files or folders of written signs (SiGML,
     HamNoSys), with few clips in memory at a time.
@@ -119,6 +124,8 @@ def build(
     an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: files that do not fit are left out, and a
     stopped build resumes. lenient: leave out unknown parts of a written sign, with a warning. jobs: number of
     processes; None: one per core. limits: of each clip. read: how clips are read, where the table does not say.
+    make_card: makes what splices know of a word by itself, e.g. ``splicing.cards.make_card``; without it they compute
+    that at the first use.
 
     Refused written signs are left out, with a line each; one whose gloss is taken gets the next number, GLOSS#2.
     Raises ``InputError``, also if input and output lie in each other; then ``output`` is unchanged.
@@ -141,7 +148,10 @@ def build(
 
     with atomic.resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
         for file, word in _prepare_files(
-            files, FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store), jobs, progress
+            files,
+            FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store, make_card=make_card),
+            jobs,
+            progress,
         ):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
@@ -159,7 +169,7 @@ def build(
                 )
         for line in refused:
             leave_out(line)
-        for sign, word in _prepare_signs(signs, form, lenient, jobs, progress):
+        for sign, word in _prepare_signs(signs, form, lenient, jobs, progress, make_card):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
                 gloss = builder.free(gloss_of(sign.gloss))
@@ -170,7 +180,8 @@ def build(
         if not builder.n_words:
             what = "clip" if folders else "sign"
             raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {left_out[0]}")
-    lines = tuple(warnings), tuple(left_out), unread(folders, recipe)
+    searched = [path for path in dict.fromkeys([*folders, *written]) if Path(path).is_dir()]
+    lines = tuple(warnings), tuple(left_out), unread(searched, files, recipe)
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
 
 
@@ -198,6 +209,8 @@ def check(
     """
     files, faults = find_word_files(folder)
     warnings: list[str] = []
+    rigs: dict[str, Skeleton] = {}  # description of a skeleton -> the skeleton
+    words: dict[str, Skeleton] = {}
     for _, word in _prepare_files(
         files, FileTask((), (), "float32", ReadAs(roles=roles).or_else(read), limits), None, progress
     ):
@@ -205,7 +218,11 @@ def check(
             faults.append(word)
         else:
             warnings += word.warnings
-    return Checked(len(files), faults, warnings)
+            if word.skeleton not in rigs:
+                rigs[word.skeleton] = skeletons.from_json(json.loads(word.skeleton))
+            words[word.name] = rigs[word.skeleton]
+    warnings += (f"{folder}: {line}" for line in role_warnings(words))
+    return Checked(len(files), faults, warnings, unread([folder], files))
 
 
 def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
@@ -265,24 +282,29 @@ def _read_written_signs(paths: Sequence[str | Path], lenient: bool) -> tuple[lis
 
 
 def _prepare_signs(
-    signs: Sequence[WrittenSign], form: str, lenient: bool, jobs: int | None, progress: Progress | None
+    signs: Sequence[WrittenSign],
+    form: str,
+    lenient: bool,
+    jobs: int | None,
+    progress: Progress | None,
+    make_card: MakeCard | None,
 ) -> Iterator[tuple[WrittenSign, PreparedWord | str]]:
     """Yield each sign with its prepared word, or a line with the reason why it is refused."""
     workers = min(cores(), len(signs) // _SIGNS_A_PROCESS) if jobs is None else jobs
-    words = in_order(partial(_prepare_sign, form=form, lenient=lenient), signs, max(workers, 1))
+    words = in_order(partial(_prepare_sign, form=form, lenient=lenient, make_card=make_card), signs, max(workers, 1))
     for done, (sign, word) in enumerate(zip(signs, words, strict=True), 1):
         yield sign, word
         if progress is not None:
             progress(done, len(signs))
 
 
-def _prepare_sign(sign: WrittenSign, form: str, lenient: bool) -> PreparedWord | str:
+def _prepare_sign(sign: WrittenSign, form: str, lenient: bool, make_card: MakeCard | None) -> PreparedWord | str:
     from signsplice.written import signing
 
     try:
         clip = signing.animate_sign(sign, lenient=lenient)
         lines = (*signing.warnings(sign), *(f"{sign.where.file}: {sign.gloss}: {line}" for line in clip.notes))
-        return replace(prepare(clip, form), warnings=lines)
+        return replace(prepare(clip, form, make_card=make_card), warnings=lines)
     except InputError as error:
         return str(error)
 
@@ -332,7 +354,7 @@ def _word(
     """Return a word of a file; ``faults``: of preferred files that could not be read."""
     try:
         clip = CACHE.recent(SharedSkeletons, most=1).of(_trim_clip(clip, span))
-        word = prepare(clip, task.form, warns=True)
+        word = prepare(clip, task.form, warns=True, make_card=task.make_card)
     except InputError as error:
         return f"{path}: {error}"
     lines = (*(f"{fault}; {path.name} is read" for fault in faults), *(f"{path}: {line}" for line in word.warnings))
@@ -365,14 +387,14 @@ def _key(task: FileTask) -> str:
         with suppress(OSError):
             status = path.stat()
             states.append((str(path), status.st_size, status.st_mtime_ns))
-    asked = (_VERSION, states, task.spans, task.form, asdict(task.read), asdict(task.limits))
+    asked = (_VERSION, states, task.spans, task.form, asdict(task.read), asdict(task.limits), bool(task.make_card))
     return hashlib.sha256(repr(asked).encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def _pack_word(word: PreparedWord | str) -> bytes:
     if isinstance(word, str):
         return json.dumps(word).encode() + b"\n"
-    return json.dumps({**vars(word), "block": len(word.block)}).encode() + b"\n" + word.block
+    return json.dumps({**vars(word), "block": len(word.block), "card": word.card.hex()}).encode() + b"\n" + word.block
 
 
 def _unpack(content: bytes) -> tuple[PreparedWord | str, ...]:
@@ -382,6 +404,8 @@ def _unpack(content: bytes) -> tuple[PreparedWord | str, ...]:
         word = json.loads(line)
         if isinstance(word, dict):
             block, content = content[: word["block"]], content[word["block"] :]
-            word = PreparedWord(**{**word, "block": block, "warnings": tuple(word["warnings"])})
+            word = PreparedWord(
+                **{**word, "block": block, "card": bytes.fromhex(word["card"]), "warnings": tuple(word["warnings"])}
+            )
         words.append(word)
     return tuple(words)

@@ -29,8 +29,9 @@ from signsplice.formats.reading import open_file
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
 from signsplice.motion import Clip, Skeleton
+from signsplice.motion.clip import StoredCard, stored_card
 from signsplice.progress import Progress
-from signsplice.rig.inspection import clip_warnings
+from signsplice.rig.inspection import clip_warnings, role_warnings
 from signsplice.rig.roles import CHANNELS
 
 INDEX = "index.sqlite"
@@ -39,6 +40,8 @@ APPLICATION_ID = 0x53_50_4C_58
 """SQLite's application id in the file's header, which identifies a lexicon's index."""
 OWNS = "owns"
 """The extension that holds the channels of a word's own, separated by ``;``."""
+CARD = "card"
+"""The extension that holds what splices know of the word by itself (``splicing.cards``)."""
 
 _TABLES = (
     "CREATE TABLE lexicon "
@@ -363,11 +366,15 @@ class StoredWords:
         self._index.check()
 
     def warnings(self, progress: Progress | None = None) -> Iterator[str]:
-        """Yield warnings about readable words, one line each."""
+        """Yield warnings about readable words, and about their rigs together, one line each."""
+        skeletons: dict[str, Skeleton] = {}
         for entry, location in self._words(progress):
             with suppress(InputError):  # ``faults`` reports it
-                for line in clip_warnings(self._clip(entry, location)):
+                clip = self._clip(entry, location)
+                for line in clip_warnings(clip):
                     yield f"{self.path}: word {entry.gloss[:40]!r}: {line}"
+                skeletons[entry.gloss] = clip.skeleton
+        yield from (f"{self.path}: {line}" for line in role_warnings(skeletons))
 
     def _words(self, progress: Progress | None) -> Iterator[tuple[Entry, ClipLocation]]:
         """Yield every word and its location; calls ``progress`` with the number of finished words and the total."""
@@ -385,6 +392,7 @@ class StoredWords:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
         self._verify(entry, location)
+        clip.derived[stored_card] = StoredCard(entry.sha256, self._index.extensions(entry.gloss).get(CARD, b""))
         return clip
 
     def _verify(self, entry: Entry, location: ClipLocation) -> None:
@@ -503,10 +511,11 @@ def owns_extension(owns: frozenset[str] | None) -> dict[str, bytes]:
 
 
 def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, bytes]) -> bytes:
-    """Return the SHA-256 of a word's entry, location and extensions."""
+    """Return the SHA-256 of a word's entry, location and extensions, without its card, which follows from them."""
     row = [*astuple(entry), *astuple(location)]
-    if extensions:
-        row.append({name: sha256(extensions[name]) for name in sorted(extensions)})
+    hashes = {name: sha256(extensions[name]) for name in sorted(extensions) if name != CARD}
+    if hashes:
+        row.append(hashes)
     return hashlib.sha256(json.dumps(row).encode()).digest()
 
 

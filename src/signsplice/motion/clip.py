@@ -56,13 +56,25 @@ class Derived(dict[Callable[[Any], Any], Any]):
 
     ``clip.derived[arms]`` calls ``arms(clip)`` at the first access and keeps the value as long as the object lives.
     Neither the value nor this mapping may refer to the object. Safe to clear at any time.
+
+    shared: values of all objects with the same content, for the functions that are its keys; None if not computed yet.
     """
 
     def __init__(self, owner: object) -> None:
         self._owner = ref(owner)
+        self.shared: dict[Callable[[Any], Any], Any] = {}
+
+    def share(self, values: dict[Callable[[Any], Any], Any]) -> None:
+        """Take values that are known of all objects with the same content, and add to them what is computed here."""
+        self.shared = values
 
     def __missing__(self, compute: Callable[[Any], Any]) -> Any:
-        value = self[compute] = compute(self._owner())
+        value = self.shared.get(compute)
+        if value is None:
+            value = compute(self._owner())
+            if compute in self.shared:
+                self.shared[compute] = value
+        self[compute] = value
         return value
 
     if TYPE_CHECKING:
@@ -80,6 +92,23 @@ class HasDerived:
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "derived"}
+
+
+@dataclass(frozen=True)
+class StoredCard:
+    """What a lexicon stores of a word by itself, for splices (``splicing.cards``).
+
+    sha256: of the word's stored frames.
+    content: a card; empty if none is stored.
+    """
+
+    sha256: str
+    content: bytes
+
+
+def stored_card(clip: Clip) -> StoredCard | None:
+    """Return the card that a lexicon has put into the derived values of a clip; None for other clips."""
+    return None
 
 
 @dataclass(frozen=True, eq=False)

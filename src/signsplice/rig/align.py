@@ -9,17 +9,17 @@ about the vertical as a rigid whole, so that its signer stands in the place of t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from signsplice.errors import RigMismatchError
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, resample, rotation
-from signsplice.motion.kinematics import forward, global_quats, rest_positions
+from signsplice.motion.kinematics import forward, global_quats, path_to_root, rest_positions
 from signsplice.rig.info import rig_info
 from signsplice.rig.rest_pose import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
-from signsplice.rig.roles import ARM, SIDES
+from signsplice.rig.roles import ARM, SIDES, body_parts, find_lost_roles
 
 _SAMPLES = 24
 """Number of evenly spread frames that determine a placement."""
@@ -62,7 +62,7 @@ def placement(clip: Clip) -> Placement:
     the line of hips and shoulders. Skeletons without those roles stand at their root, up +Y, facing +Z (the usual axes
     of BVH).
     """
-    return clip.derived[_placement]
+    return clip.derived[find_placement]
 
 
 def place(clip: Clip, target: Placement) -> Clip:
@@ -96,7 +96,8 @@ def place(clip: Clip, target: Placement) -> Clip:
     )
 
 
-def _placement(clip: Clip) -> Placement:
+def find_placement(clip: Clip) -> Placement:
+    """Finds where the clip's signer stands, for ``placement``."""
     joints = rig_info(clip.skeleton).roles.joints
     known = [role for role in _BODY if role in joints]
     n_frames = len(clip.local_rotations)
@@ -147,6 +148,8 @@ SAME_ARM_DEG = 6.0
 
 MIN_COMMON_ROLES = 5
 """Least number of common roles of two rigs that can be aligned."""
+_STILL_DEG = 1.0
+"""Largest rotation of a joint that shows nothing, degrees: the rounding and trembling of a joint that nobody moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,9 +181,9 @@ def settle(carried: Clip, to: Reference) -> Clip:
 
 
 def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...], bool]:
-    """Transfers the clip to the reference's skeleton. Returns the clip; warnings about joints of the reference that
-    hold their pose because they have no counterpart, and about joint axes that its rest pose does not show; and whether
-    both skeletons are one body.
+    """Transfers the clip to the reference's skeleton. Returns the clip; warnings about joints of either that have no
+    counterpart (the clip's lose their motion, the reference's hold their pose), and about joint axes that its rest pose
+    does not show; and whether both skeletons are one body.
 
     Bones keep their directions, the clip its place, and rotations that need no change their exact numbers. On another
     body hands lose places and contacts, which ``body.retarget`` keeps. Raises ``RigMismatchError`` if joints match
@@ -209,16 +212,7 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
     scale = size_ratio(source, target, counterpart)
     if body_match is None and not is_copied and (theirs := rig_info(source).sizes.stature) > 0.0:
         scale = rig_info(target).sizes.stature / theirs
-    warnings = () if body_match is None else body_match.warnings
-    held_names = [
-        target.names[j]
-        for j in range(len(target))
-        if j not in counterpart and (target.children[j] or j in rig_info(target).roles.role_of)  # else nothing moves
-    ]
-    if held_names:
-        shown = ", ".join(held_names[:6]) + (f" and {len(held_names) - 6} more" if len(held_names) > 6 else "")
-        line = f"{clip.name}: no counterpart for {len(held_names)} joints of {to.name}, which hold their pose: {shown}"
-        warnings = (*warnings, line)
+    warnings = (*(() if body_match is None else body_match.warnings), *_counterpart_warnings(clip, to, counterpart))
     # The file's Euler angles describe another rig's rotations: they are not carried over.
     carried = Clip(target, local, clip.root_positions * scale, clip.fps, clip.name, face=clip.face)
     hips = rig_info(target).roles.joints.get("hips", 0)
@@ -228,6 +222,72 @@ def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Cl
         shift = hips_path - forward(carried, [hips])[1][:, 0]
         carried = replace(carried, root_positions=carried.root_positions + shift)
     return carried, warnings, is_one_body or body_match is not None
+
+
+def _counterpart_warnings(clip: Clip, to: Reference, counterpart: Mapping[int, int]) -> list[str]:
+    """Returns lines about joints of a clip, and of the reference, without a counterpart; ``counterpart``: joint of the
+    reference -> joint of the clip. Without a role, joints of the clip count if they move, and no joint that is carried.
+    """
+    source, target, moving = (
+        rig_info(clip.skeleton).roles,
+        rig_info(to.skeleton).roles,
+        clip.derived[find_moving_joints],
+    )
+    kept = {source.role_of.get(joint, "") for joint in counterpart.values()}
+    carried = {*source.role_of}.union(*(path_to_root(clip.skeleton, joint) for joint in counterpart.values()))
+    lost = [source.joints[role] for role in find_lost_roles(source.joints, kept, moving)] + sorted(moving - carried)
+    held = [
+        joint
+        for joint in range(len(to.skeleton))
+        if joint not in counterpart and (to.skeleton.children[joint] or joint in target.role_of)  # else nothing moves
+    ]
+    lines = (
+        (clip.skeleton, lost, f"{len(lost)} joints have no counterpart on {to.name}, their motion is lost"),
+        (to.skeleton, held, f"no counterpart for {len(held)} joints of {to.name}, which hold their pose"),
+    )
+    return [f"{clip.name}: {line}: {_describe_joints(rig, joints)}" for rig, joints, line in lines if joints]
+
+
+def _describe_joints(skeleton: Skeleton, joints: Collection[int]) -> str:
+    """Returns the parts of the body that joints belong to, and the names of those without a role, for a message."""
+    role_of = rig_info(skeleton).roles.role_of
+    others = list_names([skeleton.names[joint] for joint in joints if joint not in role_of])
+    return ", ".join(filter(None, [*body_parts(role_of[j] for j in joints if j in role_of), others]))
+
+
+def list_names(names: Sequence[str], most: int = 6) -> str:
+    """Returns names for a message, the first ``most`` of them and the number of others."""
+    n_more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {n_more} more" if n_more > 0 else "")
+
+
+def find_moving_joints(clip: Clip) -> frozenset[int]:
+    """Returns the joints that turn away from their rotation in the first frame."""
+    angles = rotation.angle_between(clip.local_rotations, clip.local_rotations[0]).max(axis=0)
+    return frozenset(np.flatnonzero(angles > np.deg2rad(_STILL_DEG)).tolist())
+
+
+def choose_skeleton(clips: Sequence[Clip]) -> tuple[int, str]:
+    """Returns the index of the clip on whose skeleton fewest roles of all clips lose their motion, the first of equals,
+    and the reason, empty for the first clip. A skeleton that clips cannot be aligned to by their roles is passed over.
+    """
+    roles = [frozenset(rig_info(clip.skeleton).roles.joints) for clip in clips]
+    if len({*roles}) == 1:
+        return 0, ""
+    lost_on: dict[int, list[str]] = {}
+    for k, kept in enumerate(roles):
+        if kept not in roles[:k] and (k == 0 or all(_is_enough(kept & own) for own in roles)):
+            rigs = [(rig_info(clip.skeleton).roles.joints, clip.derived[find_moving_joints]) for clip in clips]
+            lost_on[k] = [role for joints, moving in rigs for role in find_lost_roles(joints, kept, moving)]
+    best = min(lost_on, key=lambda k: len(lost_on[k]))
+    why = f"on that of {clips[0].name} {len(lost_on[0])} joints of the clips would lose their motion"
+    why += f" ({', '.join(body_parts(lost_on[0]))}), on this {len(lost_on[best]) or 'none'}"
+    return best, why if best else ""
+
+
+def _is_enough(common: Collection[str]) -> bool:
+    """Whether two rigs can be aligned by the roles that both have."""
+    return len(common) >= MIN_COMMON_ROLES and any(role.endswith("UpperArm") for role in common)
 
 
 def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
@@ -241,7 +301,8 @@ def is_same_skeleton(a: Skeleton, b: Skeleton) -> bool:
 
 def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
     """Maps target joints to source joints by name; None if under half of the smaller one's names are common, or if
-    the names of arms differ in meaning: a shoulder is the collar bone of one rig, the upper arm of another.
+    the names of arms differ in meaning: a shoulder is the collar bone of one rig, the upper arm of another. Joints of
+    other names, such as fingers, are matched by role.
     """
     ours, theirs = rig_info(target), rig_info(source)
     index = {name: j for j, name in enumerate(theirs.simple_names)}
@@ -251,7 +312,11 @@ def _by_name(source: Skeleton, target: Skeleton) -> dict[int, int] | None:
         pairs.get(joint) != theirs.roles.joints[role] for role in arms if (joint := ours.roles.joint(role)) is not None
     ):
         return None
-    return None if len(pairs) < 0.5 * min(len(source), len(target)) else pairs
+    if len(pairs) < 0.5 * min(len(source), len(target)):
+        return None
+    named = {*pairs.values()}
+    others = {j: theirs.roles.joints.get(role, -1) for role, j in ours.roles.joints.items() if j not in pairs}
+    return pairs | {joint: other for joint, other in others.items() if other >= 0 and other not in named}
 
 
 def _rest_alike(source: Skeleton, target: Skeleton, pairs: Mapping[int, int]) -> bool:
@@ -281,7 +346,7 @@ def _by_role(clip: Clip, to: Reference) -> dict[int, int]:
     """Maps target joints to source joints by the roles that both rigs have."""
     ours, theirs = rig_info(to.skeleton).roles, rig_info(clip.skeleton).roles
     common = [role for role in ours.joints if role in theirs.joints]
-    if len(common) < MIN_COMMON_ROLES or not any(role.endswith("UpperArm") for role in common):
+    if not _is_enough(common):
         raise RigMismatchError(
             f"{clip.name} (rig {theirs.rig}: {_first_names(clip.skeleton)}) and "
             f"{to.name} (rig {ours.rig}: {_first_names(to.skeleton)}) have "

@@ -11,6 +11,8 @@ straight.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,11 +22,11 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
-from signsplice.rig.align import placement
+from signsplice.rig.align import list_names, placement
 from signsplice.rig.info import LEFT, RIGHT, Arms, RigInfo, active_span, arms, canonical_motion, rig_info
 from signsplice.rig.keyedness import explain_keyedness
 from signsplice.rig.rest_pose import rest_frame, rests_as_person, with_rest_pose
-from signsplice.rig.roles import FINGERS, SIDES
+from signsplice.rig.roles import FINGERS, SIDES, body_parts, find_lost_roles
 
 Mask = NDArray[np.bool_]
 
@@ -111,7 +113,7 @@ def motion_span(clip: Clip) -> MotionSpan:
     movement out of it; and up to half a second beyond a jump (``JUMP_DEG``, ``JUMP_M_S``), unless that is a spike of a
     few wrong frames. All frames are kept if fewer than two would remain.
     """
-    return clip.derived[_motion_span]
+    return clip.derived[find_motion_span]
 
 
 def with_ends_held(clip: Clip) -> Clip:
@@ -129,7 +131,8 @@ def _with_ends_held(clip: Clip) -> Clip:
     return copy_unchecked(at_frames(clip, frames), channels=clip.channels)
 
 
-def _motion_span(clip: Clip) -> MotionSpan:
+def find_motion_span(clip: Clip) -> MotionSpan:
+    """Finds the frames that belong to a clip's motion, for ``motion_span``."""
     info = rig_info(clip.skeleton)
     angles, speeds = _steps(clip, info)
     n_frames = len(angles) + 1
@@ -361,10 +364,11 @@ def clip_warnings(clip: Clip) -> tuple[str, ...]:
     """Returns warnings about a clip before splicing, one line each, without its name; computed once for each clip.
     Raises ``InputError`` if the skeleton's own roles do not fit it.
     """
-    return clip.derived[_clip_warnings]
+    return clip.derived[list_clip_warnings]
 
 
-def _clip_warnings(clip: Clip) -> tuple[str, ...]:
+def list_clip_warnings(clip: Clip) -> tuple[str, ...]:
+    """Lists what is doubtful in a clip, for ``clip_warnings``."""
     rested = with_rest_pose(clip)
     left_out = [line.removeprefix(f"{clip.name}: ") for line in left_out_warnings(clip)]
     motion = motion_span(rested)
@@ -440,11 +444,30 @@ def _rig_warnings(clip: Clip) -> list[str]:
     return lines
 
 
+def role_warnings(skeletons: Mapping[str, Skeleton]) -> list[str]:
+    """Returns lines about the words of a collection that lack parts of the body which others of it have; ``skeletons``:
+    of each word by its name. Words without any role have a warning of their own, those whose roles do not fit an error.
+    """
+    if len({id(skeleton) for skeleton in skeletons.values()}) < 2:
+        return []
+    roles: dict[str, Mapping[str, int]] = {}
+    for name, skeleton in skeletons.items():
+        with suppress(InputError):
+            roles[name] = rig_info(skeleton).roles.joints
+    known = {role: joint for joints in roles.values() for role, joint in joints.items()}
+    words: dict[str, list[str]] = {}
+    for name in (name for name in roles if roles[name]):
+        words.setdefault(", ".join(body_parts(find_lost_roles(known, roles[name], ()))), []).append(name)
+    so = "in a sentence with others, that motion is lost or held"
+    lines = ((parts, len(names), list_names(names, _WARNINGS.names)) for parts, names in words.items() if parts)
+    return [f"no {parts} in {n} of {len(roles)} words: {shown}; {so}" for parts, n, shown in lines]
+
+
 def left_out_warnings(clip: Clip) -> tuple[str, ...]:
     """Returns lines about content of a clip's file that the clip lacks or holds in another form."""
     lines = list(clip.notes)
     if clip.left_out:
-        names, n_more = clip.left_out[: _WARNINGS.names], len(clip.left_out) - _WARNINGS.names
-        suffix = f" and {n_more} more" if n_more > 0 else ""
-        lines.insert(0, f"{', '.join(names)}{suffix} left out: a clip holds the motion of joints and faces")
+        lines.insert(
+            0, f"{list_names(clip.left_out, _WARNINGS.names)} left out: a clip holds the motion of joints and faces"
+        )
     return tuple(f"{clip.name}: {line}" for line in lines)

@@ -60,7 +60,7 @@ class Keyedness:
 
 def judge_keyedness(*clips: Clip) -> Keyedness:
     """Judges whether clips of one skeleton and rate were drawn between keys; the result for one clip is cached."""
-    return (clips[0].source_clip or clips[0]).derived[_judge_clip] if len(clips) == 1 else _judge(*clips)
+    return (clips[0].source_clip or clips[0]).derived[judge_clip] if len(clips) == 1 else _judge(*clips)
 
 
 def explain_keyedness(clip: Clip) -> Keyedness:
@@ -68,7 +68,8 @@ def explain_keyedness(clip: Clip) -> Keyedness:
     return _judge(clip, explain=True)
 
 
-def _judge_clip(clip: Clip) -> Keyedness:
+def judge_clip(clip: Clip) -> Keyedness:
+    """Judges whether one clip was drawn between keys, for ``judge_keyedness``."""
     return _judge(clip)
 
 

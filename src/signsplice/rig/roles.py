@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -33,7 +34,7 @@ HEAD = "head"
 """The same for the head."""
 EYE = "eye/faceeye/eyesmplhf"
 """The same for the eyes."""
-JAW = "jaw/jawroot"
+JAW = "jaw/jawroot/facejaw"
 """The same for the jaw."""
 SIDES = ("left", "right")
 """Left and right, as role names begin; arrays of both hands have them in this order."""
@@ -109,8 +110,22 @@ makehuman | clavicle upperarm01/shoulder02 lowerarm01 wrist | upperleg01 lowerle
 autorig   | shoulder armstretch/arm forearmstretch/forearm hand | thighstretch/thigh legstretch/leg foot toes01
     | hips rootx | neck neckx | head headx
 advancedSkeleton | scapula shoulder elbow wrist | hip knee ankle toes | hips rootm | neck neckm | head headm
-mmd       | shoulder arm elbow wrist | leg knee ankle toe | hips waist/lowerbody/center | thumb 0
+# MikuMikuDance, in Japanese (``_JAPANESE``) or English, also as mmd_tools translates it.
+mmd       | shoulder arm elbow wrist | leg knee ankle toe/toetip | hips waist/lowerbody/center | thumb 0
+    | spine upperbody upperbody2 | marks upperbody3 lowerbody groove
+# Meta Quest's OVRSkeleton; its hands alone are called b_l_wrist, Hand_WristRoot or XRHand_Wrist.
+quest     | shoulder armupper armlower handwrist/wrist/handwristroot/xrhandwrist/hand
+    | upperleg lowerleg footankle football
+    | marks scapula handpalm handwristtwist forearmstub footankletwist footsubtalar foottransverse
+# Second Life's avatar, whose names begin with m; its ankle is the foot, its foot the ball.
+secondLife | collar shoulder elbow wrist | hip knee ankle foot | spine torso chest | marks skull toe groin
 """
+_JAPANESE = """
+左 left 右 right センター center グルーブ groove 腰 waist 下半身 lowerbody 上半身 upperbody 首 neck 頭 head 両目 eyes
+目 eye 下あご jaw あご jaw 顎 jaw 肩 shoulder 腕 arm ひじ elbow 肘 elbow 手首 wrist 親指 thumb 人指 index 人差指 index
+人差し指 index 中指 middle 薬指 ring 小指 little 足 leg ひざ knee 膝 knee 足首 ankle つま先 toe 捩 twist 先 tip
+"""
+"""MikuMikuDance's words for parts of the body, each before its English one."""
 
 
 def _conventions() -> Iterator[NamingConvention]:
@@ -134,18 +149,22 @@ _SIDE_OF = {"l": "left", "left": "left", "r": "right", "right": "right"}
 _GAP = re.compile(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _PREFIX = re.compile(
     r"(?:(?:mixamorig\d*|bip\d+)(?!\d)[\W_]*"
-    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel)[\W_]+"
-    r"|c_(?=(?:spine|neck|head|jaw)\d*$))(?=.)",
+    r"|(?:character\d*|valvebiped|cc[\W_]base|j[\W_](?:bip|adj)(?:[\W_]c(?=[\W_]))?|def|org|skel|(?:full)?body)[\W_]+"
+    r"|c_(?=(?:spine|neck|head|jaw)\d*$)|b_(?=[lr]_)|(?-i:m(?=[A-Z][a-z])))(?=.)",
     re.IGNORECASE,
 )
+_ENGLISH = dict(zip(_JAPANESE.split()[::2], _JAPANESE.split()[1::2], strict=True))
+_JAPANESE_WORD = re.compile("|".join(sorted(_ENGLISH, key=len, reverse=True)))
 
 
 def side_and_words(name: str) -> tuple[str, str]:
     """Returns a joint's side ("" without one) and the other words of its name in lower case, separated by blanks.
 
-    Namespace and rig prefix are removed.
+    Namespace and rig prefix are removed, Japanese words translated, their full-width digits and half-width letters too.
     """
     bare = re.split(r"[:|]", name)[-1] or name
+    if not bare.isascii():
+        bare = _JAPANESE_WORD.sub(lambda word: f" {_ENGLISH[word[0]]} ", unicodedata.normalize("NFKC", bare)).strip()
     while match := _PREFIX.match(bare):
         bare = bare[match.end() :]
     tokens = [token.lower() for token in _GAP.split(bare) if token]
@@ -260,6 +279,36 @@ class Humanoid:
     def role_of(self) -> Mapping[int, str]:
         """Joint index -> its role, for the joints that have one."""
         return MappingProxyType({joint: role for role, joint in self.joints.items()})
+
+
+OFTEN_STILL = ("Eye", "jaw", "Toes")
+"""Ends of roles whose joints most recordings leave at rest: they are lost only where they move."""
+
+
+def body_parts(roles: Iterable[str]) -> list[str]:
+    """Returns the parts of the body that roles belong to, for a message: "head", "fingers of the left hand"."""
+    sides_of: dict[str, list[str]] = {}
+    for role in roles:
+        side = next((side for side in SIDES if role.startswith(side)), "")
+        name = role.removeprefix(side)
+        part = f"{{}} {name.lower().removesuffix('s')}" if side else "trunk" if name in ("hips", *_SPINE) else name
+        part = "{} arm" if name in ARM[1:] else "{} leg" if name in _LEG[:-1] else part
+        part = "fingers of {} hand" if name.startswith(FINGERS) else part
+        sides_of.setdefault(part, []).append(side)
+    return [
+        f"{part.format('both')}s" if len({*sides}) > 1 else part.format(f"the {sides[0]}")
+        for part, sides in sides_of.items()
+    ]
+
+
+def find_lost_roles(joints: Mapping[str, int], kept: Collection[str], moving: Collection[int]) -> list[str]:
+    """Returns the roles of a rig (role -> joint) whose motion is lost where only ``kept`` ones have a joint; those of
+    ``OFTEN_STILL`` only if the joint is ``moving``. Rigs divide the spine differently, and some have no neck: another
+    joint of the spine, or the head, carries on the direction of such a joint.
+    """
+    carried = {*kept, *(_SPINE if any(role in kept for role in _SPINE) else ()), *(["neck"] * ("head" in kept))}
+    lost = [role for role in joints if role not in carried]
+    return [role for role in lost if joints[role] in moving or not role.endswith(OFTEN_STILL)]
 
 
 # --- names ----------------------------------------------------------------------------------------------------------

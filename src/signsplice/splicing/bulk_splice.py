@@ -25,6 +25,7 @@ import numpy as np
 
 from signsplice.errors import SignspliceError
 from signsplice.motion import Clip, Skeleton, copy_unchecked
+from signsplice.splicing.cards import add_frames, digest_skeleton
 from signsplice.splicing.contracts import Gap
 from signsplice.splicing.engine import joined_sentence
 from signsplice.splicing.options import SpliceOptions
@@ -207,23 +208,9 @@ def gap_key(passes: Sequence[Pass], gap: Gap) -> bytes | None:
     if any(None in part for part in described) or type(skeleton) is not Skeleton:
         return None
     digest = hashlib.blake2b(repr(described).encode(), digest_size=32)
-    digest.update(skeleton.derived[_skeleton_key])
+    digest.update(skeleton.derived[digest_skeleton])
     keyed = -1 if gap.keyed is None else int(gap.keyed)
     digest.update(struct.pack("<qdqqb", gap.n_frames, gap.before.fps, len(gap.before), len(gap.after), keyed))
     for clip in (gap.before, gap.after):
-        _add_frames(digest, clip)
+        add_frames(digest, clip)
     return digest.digest()
-
-
-def _add_frames(digest: hashlib.blake2b, clip: Clip) -> None:
-    for array in (clip.local_rotations, clip.root_positions, clip.translations):
-        digest.update(b"-" if array is None else b"+" + np.ascontiguousarray(array).tobytes())
-
-
-def _skeleton_key(skeleton: Skeleton) -> bytes:
-    """Returns a digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
-    tips = [(site.joint, site.offset.tobytes()) for site in skeleton.end_sites]
-    roles = None if skeleton.roles is None else sorted(skeleton.roles.items())
-    rest = None if skeleton.rest_pose is None else skeleton.rest_pose.tobytes()
-    contents = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
-    return hashlib.blake2b(repr(contents).encode(), digest_size=32).digest()

@@ -262,13 +262,13 @@ class Sessions:
 
 
 def _check_output(name: str, output: Any, shape: tuple[int | None, ...]) -> None:
-    """Raises ``ValueError`` if an output is not an array of finite numbers of this shape."""
+    """Raises ``InputError`` if an output is not an array of finite numbers of this shape."""
     actual = np.shape(output) if isinstance(output, np.ndarray) and output.dtype.kind == "f" else None
     if (
         actual is None
         or len(actual) != len(shape)
         or any(n not in (None, m) for n, m in zip(shape, actual, strict=True))
     ):
-        raise ValueError(f"output {name} has shape {actual}, expected {shape}")
+        raise InputError(f"output {name} has shape {actual}, expected {shape}")
     if not np.isfinite(output).all():
-        raise ValueError(f"output {name} is not finite")
+        raise InputError(f"output {name} is not finite")

@@ -91,10 +91,11 @@ _STEP_S = 0.1
 
 def measure_freedom(clip: Clip) -> FloatArray:
     """Returns how far (T, 2) head and trunk may turn in the frames of a clip: 0 while a hand is at them, to 1."""
-    return clip.derived[_freedom]
+    return clip.derived[find_freedom]
 
 
-def _freedom(clip: Clip) -> FloatArray:
+def find_freedom(clip: Clip) -> FloatArray:
+    """Measures how far head and trunk may turn, for ``measure_freedom``."""
     frames = sparse(len(clip), _STEP_S * clip.fps)
     is_raised = arms(clip).lift[frames] > REST.hanging_height
     raised = is_raised.any(axis=1)

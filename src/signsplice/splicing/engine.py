@@ -84,15 +84,17 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         tempo=measure_tempo(signs, clip.fps, tempo),
         face=None if clip.face is None else FaceSources(tuple(sentence.faces), sentence.face_rules),
         person=None if system else PlannedPerson(options.person, options.seed, sentence.planned),
+        skeleton=sentence.skeleton,
         system=None if system is None else system.report_entry(),
     )
 
 
 def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
     """Yields the pieces of the sentence in order, each as soon as the next clip is known; joined, they equal the result
-    of ``splice`` bit for bit, with one exception: a cutter that chooses all seams of a sentence together
+    of ``splice`` bit for bit, with two exceptions. A cutter that chooses all seams of a sentence together
     (``LearnedCutter``, the default) sees only two words at a time here, and its choice differs if cuts chosen pair by
-    pair would leave a word at an earlier frame than they enter it.
+    pair would leave a word at an earlier frame than they enter it. And the skeleton is always the first clip's, the
+    rate too, or ``stages.STREAM_FPS`` if that is higher and the first clip's too low.
 
     Reads ``clips`` one ahead; yields nothing without clips. Raises as ``splice`` does, on reaching the faulty clip.
     """
@@ -113,7 +115,7 @@ class Stream:
     """
 
     def __init__(self, options: SpliceOptions | None = None) -> None:
-        self._sentence = Sentence(options or SpliceOptions())
+        self._sentence = Sentence(options or SpliceOptions(), grows=True)
         self.cutter, self.transition, _ = self._sentence.names
 
     def push(self, clip: Clip | Word) -> list[Piece]:

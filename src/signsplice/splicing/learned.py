@@ -104,13 +104,31 @@ _BESIDE = 2
 """Number of frames beside a stroke that are kept, unless a hand is below it there."""
 
 
-def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tuple[int, int]:
+@dataclass(frozen=True, eq=False)
+class WordEnd:
+    """The end of a word, or its beginning, as a cutter that reads words alone knows it; T frames at ``FEATURE_FPS``.
+
+    first: number of its first frame in the clip.
+    active: frames [start, stop), counted from ``first``, in which the arms are away from rest.
+    stroke: first and last frame of the movements, counted from ``first``; None if no sign is detected.
+    heights: (T, 2) of both wrists, arm lengths.
+    scores: (A,) log-probabilities of leaving the word, or of entering it, at its active frames.
+    """
+
+    first: int
+    active: tuple[int, int]
+    stroke: tuple[int, int] | None
+    heights: NDArray[np.float32]
+    scores: FloatArray
+
+
+def outside_strokes(cut: tuple[int, int], p: WordEnd, q: WordEnd) -> tuple[int, int]:
     """Moves a cut, frames at ``FEATURE_FPS``, outwards until both words' strokes stay whole, then inwards, up to the
     strokes, past frames in which a hand sinks or rises: a transition that ends in them would dip below both signs.
     """
     pre, post = cut
     if p.stroke is not None:
-        last, end = p.first + p.stroke[1], p.first + len(p.features) - 1
+        last, end = p.first + p.stroke[1], p.first + len(p.heights) - 1
         pre = last + _n_raised(p, range(last, min(max(pre, last + _BESIDE), end) + 1))
     if q.stroke is not None:
         first = q.first + q.stroke[0]
@@ -118,11 +136,11 @@ def outside_strokes(cut: tuple[int, int], p: WordReading, q: WordReading) -> tup
     return pre, post
 
 
-def _n_raised(word: WordReading, frames: range) -> int:
+def _n_raised(word: WordEnd, frames: range) -> int:
     """Counts the ``frames`` of a word, away from its stroke, before the last in which both hands are as high as in the
     first.
     """
-    heights = word.wrists[np.array(frames) - word.first, :, 1]  # (n, 2)
+    heights = word.heights[np.array(frames) - word.first]  # (n, 2)
     below = (heights[0] - heights).max(axis=1)
     return int(np.flatnonzero(below <= np.where(np.arange(len(below)) == 1, NEXT_BELOW, BELOW))[-1])
 
@@ -333,7 +351,6 @@ class LearnedCutter(Cutter):
 
     def __init__(self, reader: WordReader, whole: bool = True) -> None:
         self.reader, self.whole = reader, whole
-        self._scores: WeakKeyDictionary[WordReading, tuple[FloatArray, FloatArray]] = WeakKeyDictionary()
         self.name = NAME if whole else FLUENT
         self.summary = "a network that reads " + (
             "every word by itself; movements stay whole"
@@ -343,20 +360,16 @@ class LearnedCutter(Cutter):
 
     def cut_all(self, clips: Sequence[Clip]) -> list[Cut]:
         """Returns the splice positions of a sentence, chosen together (``best_path``)."""
-        self.reader.prepare(clips)
         pairs = list(pairwise(clips))
         if self.whole:
-            words = [self.reader.alone(clip) for clip in clips]
-            scored = [self._score_word(*word) for word in words]
-            readings = [(p, q) for (p, _), (_, q) in pairwise(words)]
-            seams = [(leave_scores, enter_scores) for (leave_scores, _), (_, enter_scores) in pairwise(scored)]
+            words = [(clip.source_clip or clip).derived[self.ends] for clip in clips]
+            ends = [(p, q) for (p, _), (_, q) in pairwise(words)]
+            chosen = best_path([_seam_scores(p, q, p.scores, q.scores) for p, q in ends])
+            chosen = [outside_strokes(cut, *pair) for cut, pair in zip(chosen, ends, strict=True)]
         else:
-            readings = [self.reader.pair(*pair) for pair in pairs]
-            seams = [self._log_probabilities(*pair) for pair in readings]
+            self.reader.prepare(clips)
+            chosen = best_path([self.scores(*self.reader.pair(*pair)) for pair in pairs])
         last = [len(clip) - 1 for clip in clips]
-        chosen = best_path([_seam_scores(*pair, *seam) for pair, seam in zip(readings, seams, strict=True)])
-        if self.whole:
-            chosen = [outside_strokes(cut, *pair) for cut, pair in zip(chosen, readings, strict=True)]
         return [
             Cut(min(round(pre / FEATURE_FPS * p.fps), last[k]), min(round(post / FEATURE_FPS * q.fps), last[k + 1]))
             for k, ((pre, post), (p, q)) in enumerate(zip(chosen, pairs, strict=True))
@@ -368,11 +381,12 @@ class LearnedCutter(Cutter):
         """
         return _seam_scores(p, q, *self._log_probabilities(p, q))
 
-    def _score_word(self, end: WordReading, beginning: WordReading) -> tuple[FloatArray, FloatArray]:
-        """Returns ``_log_probabilities`` of a word before and after itself, kept as long as its reading."""
-        if end not in self._scores:
-            self._scores[end] = self._log_probabilities(end, beginning)
-        return self._scores[end]
+    def ends(self, clip: Clip) -> tuple[WordEnd, WordEnd]:
+        """Returns the end of a word and its beginning, read by themselves; ``clip``: as it is before it is placed."""
+        p, q = self.reader.alone(clip)
+        left, entered = self._log_probabilities(p, q)
+        self.reader.forget(clip)  # a reading takes a hundred times the memory
+        return _word_end(p, left), _word_end(q, entered)
 
     def _log_probabilities(self, p: WordReading, q: WordReading) -> tuple[FloatArray, FloatArray]:
         """Returns log-probabilities of leaving ``p`` (P,) and entering ``q`` (Q,) after it, at their active frames."""
@@ -386,7 +400,14 @@ class LearnedCutter(Cutter):
         return leave_scores, enter_scores
 
 
-def _seam_scores(p: WordReading, q: WordReading, left: FloatArray, entered: FloatArray) -> SeamScores:
+def _word_end(reading: WordReading, scores: FloatArray) -> WordEnd:
+    heights = np.ascontiguousarray(reading.wrists[..., 1])
+    return WordEnd(reading.first, reading.active, reading.stroke, heights, scores)
+
+
+def _seam_scores(
+    p: WordReading | WordEnd, q: WordReading | WordEnd, left: FloatArray, entered: FloatArray
+) -> SeamScores:
     return SeamScores(left[:, None] + entered, p.first + p.active[0], q.first + q.active[0])
 
 

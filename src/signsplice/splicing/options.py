@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.motion import Clip
+from signsplice.motion import Clip, Skeleton
 from signsplice.motion.cache import CACHE
 from signsplice.splicing.bundle import BUNDLE_FILE, WEIGHTS, NetworkConfig, bundle_sha256
 from signsplice.splicing.contracts import Cutter, Duration, Method, Transition, find
@@ -196,7 +196,9 @@ class SpliceOptions:
     sign_speed: playback speed of the signs; 1 is as recorded.
     tempo: "citation": as recorded; "natural": as in running signing; or the seconds that a sign takes with its
         transition. Holds and slow parts are shortened to reach it, as far as human speeds allow.
-    fps: output rate; None: the first clip's.
+    fps: output rate; None: the first clip's, or if that is under ``stages.LOW_FPS`` the highest of all clips.
+    onto: a clip or skeleton with the body that signs; None: the first clip's, or that of the clip whose body loses
+        fewest joints of all clips (``SpliceResult.skeleton``).
     avoid_collisions: whether hands are led around head, trunk and each other; None: if the transition is learned.
     free_hand: what an arm does that no word owns (``person``). "natural": it stays where a sign left it, sinks late and
         slowly, and is up before it is needed; "transition": it goes to rest, and leaves it, within a transition.
@@ -223,6 +225,7 @@ class SpliceOptions:
     sign_speed: float = 1.0
     tempo: str | float = CITATION
     fps: float | None = None
+    onto: Clip | Skeleton | None = None
     avoid_collisions: bool | None = None
     free_hand: str = NATURAL
     person: float = 1.0

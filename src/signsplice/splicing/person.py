@@ -113,10 +113,11 @@ _N_STEPS = 8
 
 def owned_channels(clip: Clip) -> frozenset[str]:
     """Returns the channels that move in a clip; all if the rig's arms are not known by name."""
-    return clip.derived[_owned_channels]
+    return clip.derived[find_owned_channels]
 
 
-def _owned_channels(clip: Clip) -> frozenset[str]:
+def find_owned_channels(clip: Clip) -> frozenset[str]:
+    """Finds the channels that move in a clip, for ``owned_channels``."""
     if not rig_info(clip.skeleton).has_arms:
         return frozenset(CHANNELS)
     motion, active = arms(clip), range(*active_span(arms(clip)))

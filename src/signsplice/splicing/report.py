@@ -52,8 +52,9 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
     with it. Optional keys: ``contacts``, if a clip was retargeted: what its hands touch, and whether that is kept;
     ``system``, if a system spliced whole words; ``face``, if the output has one: which clips have their own, and the
     rules for the others (frames of a sign have the source's face, unless it is by rule); ``person``, unless a system
-    spliced whole words: the channels of each clip whose frames are planned; ``avatar``, if the output is on an avatar:
-    the copies then rebuild the sentence before it was retargeted.
+    spliced whole words: the channels of each clip whose frames are planned; ``skeleton``, if the output has another
+    skeleton than the first clip: whose, and why; ``avatar``, if the output is on an avatar: the copies then rebuild the
+    sentence before it was retargeted.
     """
     timing = {"load": 0.0, "cut": 0.0, "transition": 0.0, "join": 0.0, "save": 0.0}
     report = {
@@ -80,6 +81,8 @@ def describe(result: SpliceResult, timing_ms: Mapping[str, float] | None = None)
         report["person"] = {"amount": result.person.amount, "seed": result.person.seed, "planned": planned}
     if result.system is not None:
         report["system"] = dict(result.system)
+    if result.skeleton is not None:
+        report["skeleton"] = dict(result.skeleton)
     if result.avatar is not None:
         report["avatar"] = dict(result.avatar)
     rounded: dict[str, Any] = plain(report)

@@ -144,6 +144,8 @@ class SpliceResult:
     avatar: name and contacts of the avatar to which the sentence was retargeted; None without one.
     face: origin of the face; None if there is none.
     person: motion that no word owns; None in a system's sentences.
+    skeleton: index of the clip whose skeleton the sentence has (None for ``SpliceOptions.onto``), name and reason
+        ("clip", "name", "why"); None if it is the first clip's.
     """
 
     clip: Clip
@@ -160,6 +162,7 @@ class SpliceResult:
     avatar: Mapping[str, Any] | None = None
     face: FaceSources | None = None
     person: PlannedPerson | None = None
+    skeleton: Mapping[str, Any] | None = None
 
     @property
     def marks(self) -> list[Mark]:

@@ -5,9 +5,10 @@ Cuts are chosen on words as recorded; new frames are made on words as retimed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import Any
 
 from signsplice.body.contacts import Contact
 from signsplice.motion import Clip, FloatArray
@@ -34,10 +35,11 @@ class Sentence:
     face_rules: rules that animate the faces of other words.
     planned: index of each emitted word -> its channels with planned frames.
     passes: passes that change planned seams, in order.
+    skeleton: as in ``SpliceResult``.
     """
 
-    def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None) -> None:
-        """``passes``: used instead of ``stages.passes``."""
+    def __init__(self, options: SpliceOptions, passes: Sequence[Pass] | None = None, grows: bool = False) -> None:
+        """``passes``: used instead of ``stages.passes``. ``grows``: whether clips are unknown that come later."""
         if not isinstance(options, SpliceOptions):
             raise not_options(options)
         self.options, self.seconds = options, dict.fromkeys(("harmonize", "cut", "transition", "join"), 0.0)
@@ -48,7 +50,8 @@ class Sentence:
         self.planned: dict[int, tuple[str, ...]] = {}
         self.face_rules, self._blinks = () if options.whole_system is not None else options.face_rules, Blinks()
         self._carriage = Carriage(options.person, options.seed)
-        self._n_words = self._n_out = 0
+        self.skeleton: Mapping[str, Any] | None = None
+        self._n_words, self._n_out, self._grows = 0, 0, grows
         self._reference: Reference | None = None
         self._last: AlignedWord | None = None
         self._entered_by: Seam | None = None
@@ -79,7 +82,15 @@ class Sentence:
         words are not part of the sentence yet.
         """
         unaligned = [as_word(clip, n) for n, clip in enumerate(clips, self._n_words)]
-        words = [self._align(word, n) for n, word in enumerate(unaligned, self._n_words)]
+        if not unaligned:
+            return [], []
+        began, to, warnings = perf_counter(), self._reference, tuple[str, ...]()
+        if to is None:
+            to, self.skeleton, warnings = self.planner.reference([word.clip for word in unaligned], self._grows)
+        self.seconds["harmonize"] += perf_counter() - began
+        words = [self._align(word, n, to) for n, word in enumerate(unaligned, self._n_words)]
+        words[0] = replace(words[0], warnings=(*warnings, *words[0].warnings))
+        self._reference = to  # only now: a word that raises must not set it
         neighbours = words if self._last is None else [self._last, *words]
         began = perf_counter()
         cuts = self.planner.cuts(neighbours)
@@ -150,15 +161,14 @@ class Sentence:
         self.seconds["join"] += perf_counter() - cut
         return pieces
 
-    def _align(self, given: Word, index: int) -> AlignedWord:
+    def _align(self, given: Word, index: int, to: Reference) -> AlignedWord:
         """Aligns a word to the first one, brings it to the chosen tempo, holds it at its mark, and gives it a face."""
         began = perf_counter()
-        word, first = self.planner.align(given.clip, index, self._reference)
+        word = self.planner.align(given.clip, index, to)
         aligned = perf_counter()
         word = self.planner.time(word, given)
         self.seconds["harmonize"] += aligned - began
         self.seconds["cut"] += perf_counter() - aligned
-        self._reference = first  # only now: a word that raises must not set it
         if not index:
             word = replace(word, warnings=(*self.planner.methods.warnings, *word.warnings))
         if self.face_rules:

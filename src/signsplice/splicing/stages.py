@@ -16,17 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from signsplice.body.retarget import align
+from signsplice.body.retarget import align, reference_onto
 from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
 from signsplice.motion import Clip, resample
-from signsplice.rig.align import Reference, reference
-from signsplice.rig.info import rig_info
+from signsplice.rig.align import Reference, choose_skeleton, reference
+from signsplice.rig.info import FEATURE_FPS, rig_info
 from signsplice.rig.inspection import clip_warnings, motion_span, with_ends_held
 from signsplice.rig.keyedness import judge_keyedness
 from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.rig.roles import CHANNELS
+from signsplice.splicing.cards import recall
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import HUMAN, MAX_TRANSITION_S
 from signsplice.splicing.faces import BROWS, EaseFaces
@@ -67,6 +69,14 @@ def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
     return tuple(step for step, is_wanted in listed if is_wanted)
 
 
+LOW_FPS = 20.0
+"""Rate under which a first clip does not set that of its sentence, frames/s: EN 301 549, 6.5.1, calls signing well
+usable from there on.
+"""
+STREAM_FPS = FEATURE_FPS
+"""Rate of a stream whose first clip is under ``LOW_FPS``, frames/s: that of the networks, since others are unknown."""
+
+
 class Planner:
     """Turns clips into words and plans their seams according to a call's options.
 
@@ -82,19 +92,33 @@ class Planner:
         if options.moves_person:
             self._planned += CHANNELS[3:]
 
-    def align(self, clip: Clip, index: int, first: Reference | None) -> tuple[AlignedWord, Reference]:
-        """Returns the word of a clip, and the reference of its sentence: ``first``, or that of this clip if ``first``
-        is None. ``index``: the word's number in the sentence.
+    def reference(self, clips: Sequence[Clip], grows: bool) -> tuple[Reference, dict[str, Any] | None, tuple[str, ...]]:
+        """Returns what the words of a sentence are aligned to, which begins with these clips and has no others unless
+        it ``grows``; its ``SpliceResult.skeleton``; and lines about skeleton or rate if they are not the first clip's.
+        Raises ``RigMismatchError`` if the user's body has nothing in common with the first clip.
+        """
+        onto, (fps, warnings) = self.options.onto, self._output_fps(clips, grows)
+        best, why = choose_skeleton(clips) if onto is None and not grows else (0, "")
+        first, chosen = (with_ends_held(self._with_card(clip)) for clip in (clips[0], clips[best]))
+        if best:
+            onto, warnings = chosen, (*warnings, f"the sentence is on the skeleton of {chosen.name}: {why}")
+        to = reference(first, fps) if onto is None else reference_onto(first, onto, fps)
+        skeleton = None if onto is None else {"clip": best or None, "name": to.name, "why": why or "given by the user"}
+        if self.options.whole_system is not None:
+            to = self.options.whole_system.place_reference(first, to, is_first=True)
+        return to, skeleton, warnings
+
+    def align(self, clip: Clip, index: int, to: Reference) -> AlignedWord:
+        """Returns the word of a clip, aligned to the reference of its sentence. ``index``: its number in the sentence.
 
         Raises ``LimitError`` for too many frames, ``RigMismatchError`` if rigs have nothing in common.
         """
-        clip, speed, system = with_rest_pose(clip), self.options.sign_speed, self.options.whole_system
-        fps = first.fps if first else self._output_fps(clip)
+        clip, fps, speed = self._with_card(clip), to.fps, self.options.sign_speed
+        system = self.options.whole_system
         self.options.limits.check_resampling(clip, fps, speed)
         motion, held_clip = motion_span(clip), with_ends_held(clip)
-        to = first or reference(held_clip, fps)
-        if system is not None:
-            to = system.place_reference(held_clip, to, is_first=first is None)
+        if system is not None and index:
+            to = system.place_reference(held_clip, to, is_first=False)
         aligned = align(held_clip, replace(to, fps=clip.fps))
         resampled = resample(aligned.clip, fps, speed)
         step = clip.fps * speed / fps
@@ -110,12 +134,23 @@ class Planner:
         word = AlignedWord(index, shown, shown, frames, warnings, aligned.contacts, is_letter(shown.name), keyed=keyed)
         if resampled is not aligned.clip:
             word = replace(word, own=recorded, own_step=step, own_first=step * resampled_span.start - motion.start)
-        return word, first or to
+        return word
 
-    def _output_fps(self, clip: Clip) -> float:
-        """Returns the output rate of a sentence that begins with this clip."""
-        system = self.options.whole_system
-        return self.options.fps or (clip.fps if system is None else system.output_fps(clip))
+    def _with_card(self, clip: Clip) -> Clip:
+        """Returns the clip with a rest pose, and what is known of it (``cards``)."""
+        clip = with_rest_pose(clip)
+        recall(clip, self.methods.cutter)
+        return clip
+
+    def _output_fps(self, clips: Sequence[Clip], grows: bool) -> tuple[float, tuple[str, ...]]:
+        """Returns the output rate of a sentence that begins with these clips, and a line if it is not the first's."""
+        system, first = self.options.whole_system, clips[0]
+        if self.options.fps is not None or first.fps >= LOW_FPS or (system is not None and system.fps is not None):
+            return self.options.fps or (first.fps if system is None else system.output_fps(first)), ()
+        fps = max(STREAM_FPS if grows else 0.0, *(clip.fps for clip in clips))
+        whose = "a stream's" if grows else "the highest of its clips"
+        line = f"{first.name}: {first.fps:g} fps are too few for signing; the sentence has {fps:g}, {whose}"
+        return fps, (line,) if fps > first.fps else ()
 
     def time(self, word: AlignedWord, given: Word) -> AlignedWord:
         """Returns the word at the chosen tempo, held at the mark after it if the ``given`` word has one."""

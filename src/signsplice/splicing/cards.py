@@ -1,0 +1,168 @@
+"""Cards of words: what a splice knows of a word by itself, kept beside its frames or in memory.
+
+A card holds derived values of a clip (``CARD_VALUES`` and the ends that a cutter reads), so that a splice need not
+compute them: its motion span, warnings, placement, whether it is keyed, the channels that it owns, where head and trunk
+may turn, and where it may be left and entered. Lexicons store cards as bytes; those of other clips are kept by content.
+A card that does not belong to the frames, the features or the bundle at hand is not used.
+
+Numbers are stored whole: they equal those that the processor computed which made the card; networks differ in their
+last digits between processors.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.motion import Clip, Skeleton
+from signsplice.motion.cache import CACHE
+from signsplice.motion.clip import StoredCard, stored_card
+from signsplice.rig.align import Placement, find_placement, placement
+from signsplice.rig.inspection import MotionSpan, clip_warnings, find_motion_span, list_clip_warnings, motion_span
+from signsplice.rig.keyedness import Keyedness, judge_clip, judge_keyedness
+from signsplice.splicing import features
+from signsplice.splicing.carriage import find_freedom, measure_freedom
+from signsplice.splicing.contracts import Cutter
+from signsplice.splicing.learned import LearnedCutter, WordEnd
+from signsplice.splicing.options import choose
+from signsplice.splicing.person import find_owned_channels, owned_channels
+
+VERSION = 1
+"""Version of cards: another one where a derived value is computed in another way."""
+_MOST_KEPT = 1024
+"""Largest number of words whose cards are kept in memory: about 4 kB each."""
+_MOST_BYTES = 1 << 20
+"""Size of an unpacked card from which on it is not read."""
+
+_NUMBER, _HEIGHT = "<f8", "<f4"
+"""Types of the numbers on a card."""
+CARD_VALUES: tuple[Callable[[Clip], Any], ...] = (
+    find_motion_span, list_clip_warnings, find_placement, judge_clip, find_owned_channels, find_freedom,
+)  # fmt: skip
+"""The derived values of a clip that a card holds, besides the ends that a cutter reads."""
+
+
+def recall(clip: Clip, cutter: Cutter) -> None:
+    """Give a clip the derived values on its stored card, and those of clips with the same frames that were seen before;
+    values that are not known are computed when they are asked for, and kept.
+    """
+    if clip.derived.shared:
+        return
+    stored, reader = clip.derived[stored_card], _reads_alone(cutter)
+    known = CACHE.recent(_nothing_known, digest_clip(clip) if stored is None else stored.sha256, most=_MOST_KEPT)
+    if stored is not None and stored.content and known.get(reader.ends if reader else find_motion_span) is None:
+        known.update(_unpack(stored, clip, reader))
+    if reader is not None:
+        known.setdefault(reader.ends, None)
+    clip.derived.share(known)
+
+
+def _nothing_known(key: str | bytes) -> dict[Callable[[Clip], Any], Any]:
+    """Return the functions of the values on a card, for a word of which none is known."""
+    return dict.fromkeys(CARD_VALUES)
+
+
+def make_card(clip: Clip, sha256: str, cutter: Cutter | None = None) -> bytes:
+    """Return the card of a clip whose stored frames have this ``sha256``, with the ends that a cutter reads, by default
+    those of the default cutter.
+    """
+    motion, standing, keyed = motion_span(clip), placement(clip), judge_keyedness(clip)
+    reader = _reads_alone(choose().cutter if cutter is None else cutter)
+    ends = () if reader is None else clip.derived[reader.ends]
+    head = {
+        "key": _key(sha256),
+        "cutter": None if reader is None else _cutter_key(reader),
+        "motion": [motion.start, motion.stop, motion.warnings],
+        "warnings": clip_warnings(clip),
+        "placement": [part.tolist() for part in (standing.position, standing.up, standing.forward)],
+        "keyed": [keyed.is_keyed, keyed.fraction, keyed.every, keyed.reason],
+        "owns": sorted(owned_channels(clip)),
+        "ends": [[end.first, end.active, end.stroke, len(end.heights), len(end.scores)] for end in ends],
+    }
+    numbers = [measure_freedom(clip).astype(_NUMBER).tobytes()]
+    for end in ends:
+        numbers += [end.heights.astype(_HEIGHT).tobytes(), end.scores.astype(_NUMBER).tobytes()]
+    return zlib.compress(json.dumps(head).encode() + b"\n" + b"".join(numbers))
+
+
+def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dict[Callable[[Clip], Any], Any]:
+    """Return the derived values on a stored card; none if it is another's, of another version, or damaged."""
+    try:
+        line, _, numbers = zlib.decompressobj().decompress(stored.content, _MOST_BYTES).partition(b"\n")
+        head = json.loads(line)
+        if head["key"] != _key(stored.sha256):
+            return {}
+        free, numbers = _array(numbers, _NUMBER, len(clip), 2)
+        position, up, forward = (np.array(part, np.float64).reshape(3) for part in head["placement"])
+        start, stop, lines = head["motion"]
+        values: dict[Callable[[Clip], Any], Any] = {
+            find_motion_span: MotionSpan(start, stop, tuple(lines)),
+            list_clip_warnings: tuple(head["warnings"]),
+            find_placement: Placement(position, up, forward),
+            judge_clip: Keyedness(*head["keyed"]),
+            find_owned_channels: frozenset(head["owns"]),
+            find_freedom: free,
+        }
+        if reader is not None and head["cutter"] == _cutter_key(reader):
+            ends = []
+            for first, active, stroke, n_frames, n_scores in head["ends"]:
+                heights, numbers = _array(numbers, _HEIGHT, n_frames, 2)
+                scores, numbers = _array(numbers, _NUMBER, n_scores)
+                span = None if stroke is None else (stroke[0], stroke[1])
+                ends.append(WordEnd(first, (active[0], active[1]), span, heights, scores))
+            end, beginning = ends
+            values[reader.ends] = end, beginning
+    except (ValueError, KeyError, TypeError, IndexError, zlib.error):
+        return {}
+    return values
+
+
+def _array(content: bytes, kind: str, *shape: int) -> tuple[NDArray[Any], bytes]:
+    """Return the array that bytes begin with, and the bytes after it."""
+    array = np.frombuffer(content, kind, math.prod(shape)).reshape(shape)
+    return array, content[array.nbytes :]
+
+
+def _reads_alone(cutter: Cutter) -> LearnedCutter | None:
+    """Return a cutter whose networks read each word by itself; None for others."""
+    return cutter if isinstance(cutter, LearnedCutter) and cutter.whole else None
+
+
+def _key(sha256: str) -> str:
+    return hashlib.sha256(f"{VERSION} {sha256}".encode()).hexdigest()
+
+
+def _cutter_key(cutter: LearnedCutter) -> str:
+    """Return what the ends that a cutter reads depend on, besides the word."""
+    files = cutter.reader.sessions.config.files
+    return hashlib.sha256(f"{features.VERSION} {files['word.onnx']} {files['cut.onnx']}".encode()).hexdigest()
+
+
+def digest_clip(clip: Clip) -> bytes:
+    """Return a digest of a clip's frames, skeleton and rate, and of the notes on its file."""
+    digest = hashlib.blake2b(clip.skeleton.derived[digest_skeleton], digest_size=32)
+    digest.update(repr((clip.fps, len(clip), clip.left_out, clip.notes)).encode())
+    add_frames(digest, clip)
+    return digest.digest()
+
+
+def add_frames(digest: hashlib.blake2b, clip: Clip) -> None:
+    """Add the frames of a clip to a digest."""
+    for array in (clip.local_rotations, clip.root_positions, clip.translations):
+        digest.update(b"-" if array is None else b"+" + np.ascontiguousarray(array).tobytes())
+
+
+def digest_skeleton(skeleton: Skeleton) -> bytes:
+    """Return a digest of a skeleton: names, parents, offsets, tips, roles and rest pose."""
+    tips = [(site.joint, site.offset.tobytes()) for site in skeleton.end_sites]
+    roles = None if skeleton.roles is None else sorted(skeleton.roles.items())
+    rest = None if skeleton.rest_pose is None else skeleton.rest_pose.tobytes()
+    contents = (skeleton.names, skeleton.parents.tolist(), skeleton.offsets.tobytes(), tips, roles, rest)
+    return hashlib.blake2b(repr(contents).encode(), digest_size=32).digest()
