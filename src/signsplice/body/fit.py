@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from signsplice.body.capsules import BodyCapsules
 from signsplice.body.collision import Near, SkinPairs, clearances, near_pairs, pair_clearances, skin_pairs
@@ -119,7 +119,7 @@ def solve_blocks(block: FloatArray, rhs: FloatArray, smoothness: float) -> Float
     band[0] += np.repeat(smoothness * d0, 6)
     band[6, : 6 * (n - 1)] += np.repeat(smoothness * d1, 6)
     band[12, : 6 * max(n - 2, 0)] += np.repeat(smoothness * d2, 6)
-    return np.asarray(solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)).reshape(n, 2, 3)
+    return np.asarray(scipy.linalg.solveh_banded(band, rhs.ravel(), lower=True, check_finite=False)).reshape(n, 2, 3)
 
 
 def second_differences(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -274,7 +274,9 @@ class Fit:
         band[1, 0::2] = off
         band[2, : 2 * (n - 1)] = np.repeat(self.smoothness * d1, 2)
         band[4, : 2 * max(n - 2, 0)] = np.repeat(self.smoothness * d2, 2)
-        return np.asarray(solveh_banded(band, right.reshape(2 * n, 3), lower=True, check_finite=False)).reshape(n, 2, 3)
+        return np.asarray(
+            scipy.linalg.solveh_banded(band, right.reshape(2 * n, 3), lower=True, check_finite=False)
+        ).reshape(n, 2, 3)
 
     # --- the contact stage ---
 

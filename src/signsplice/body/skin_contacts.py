@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import ARM
 from signsplice.body.collision import Near, SkinPairs
@@ -90,7 +90,7 @@ class _Pose:
     """One frame of a meeting: ``hand`` (H, 3) points, and ``points`` and ``normals`` (N, 3) of the other skin."""
 
     hand: FloatArray
-    points: cKDTree
+    points: scipy.spatial.cKDTree
     normals: FloatArray
 
 
@@ -194,7 +194,7 @@ def _poses(meeting: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, mo
         middle = hand.mean(axis=0)
         radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _SETTINGS.comparison_m
         points, normals = other_skin.deform(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
-        tree = cKDTree(metres * points + by)
+        tree = scipy.spatial.cKDTree(metres * points + by)
         distances = np.asarray(tree.query(hand, distance_upper_bound=_SETTINGS.comparison_m)[0])
         hand = hand[distances < min(_SETTINGS.comparison_m, distances.min() + _SETTINGS.hand_layer_m)]
         poses.append(_Pose(hand, tree, normals) if len(hand) else None)

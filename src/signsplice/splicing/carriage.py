@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
+import scipy
 
 from signsplice.body import collision
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
@@ -115,7 +115,7 @@ def find_freedom(clip: Clip) -> FloatArray:
             touched = np.where(is_raised[raised, side], np.clip((distances - near) / (far - near), 0.0, 1.0), 1.0)
             free[raised, part] = np.minimum(free[raised, part], touched)
     # The least of half a second: hands that tremble near the head do not shake it.
-    return between(minimum_jerk(minimum_filter1d(free, 5, axis=0, mode="nearest")), frames)
+    return between(minimum_jerk(scipy.ndimage.minimum_filter1d(free, 5, axis=0, mode="nearest")), frames)
 
 
 def _hand_joints(skeleton: Skeleton) -> tuple[list[int], list[int]]:

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_opening, find_objects, label
 
 from signsplice.motion import FloatArray, rotation
 from signsplice.motion.cache import CACHE
@@ -250,10 +250,12 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     possible = phases[:, _STROKE] > _STROKES.least_probability
     surest = phases.argmax(axis=-1)
     goes = np.isin(surest, (_PREPARATION, _RETRACTION))
-    strokes, _ = label((binary_closing(possible, np.ones(_STROKES.least_pause_frames, bool)) & ~goes) | possible)
+    strokes, _ = scipy.ndimage.label(
+        (scipy.ndimage.binary_closing(possible, np.ones(_STROKES.least_pause_frames, bool)) & ~goes) | possible
+    )
     rows = [
         rows.start + np.flatnonzero(possible[rows])
-        for (rows,) in find_objects(strokes)
+        for (rows,) in scipy.ndimage.find_objects(strokes)
         if raised[rows].any() and phases[rows, _STROKE].max() > _STROKES.sure_probability
     ]
     heights, last = wrists[..., 1].max(axis=1), len(surest) - 1
@@ -298,7 +300,9 @@ def frames_alone(wrists: NDArray[np.floating]) -> Mask:
     for longer than one hand moves before or after the other.
     """
     is_away = are_away(wrists)
-    return np.asarray(binary_opening(is_away[:, 0] & ~is_away[:, 1], np.ones(_STROKES.one_hand_frames, bool)))
+    return np.asarray(
+        scipy.ndimage.binary_opening(is_away[:, 0] & ~is_away[:, 1], np.ones(_STROKES.one_hand_frames, bool))
+    )
 
 
 N_CONTEXT = 8

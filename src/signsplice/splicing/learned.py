@@ -18,8 +18,8 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import log_softmax
 
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, JoinedClips, batch_clips
@@ -394,7 +394,7 @@ class LearnedCutter(Cutter):
         lengths = {"left": (1, len(p.features)), "entered": (1, len(q.features))}
         outputs = self.reader.sessions.run("cut", inputs, **lengths)
         leave_scores, enter_scores = (
-            log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
+            scipy.special.log_softmax(outputs[name][0, slice(*word.active)].astype(np.float64))
             for name, word in (("left", p), ("entered", q))
         )
         return leave_scores, enter_scores

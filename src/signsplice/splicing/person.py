@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from signsplice.body import arm_ik, collision
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, rotation
@@ -130,7 +130,7 @@ def find_owned_channels(clip: Clip) -> frozenset[str]:
             continue
         whole = reduce(rotation.multiply, [clip.local_rotations[:, joint] for joint in reversed(chain)])  # (T, 4)
         turns = rotation.difference(whole[:1], whole)
-        smooth = uniform_filter1d(turns, max(1, round(REST.noise_s * clip.fps)), axis=0, mode="nearest")
+        smooth = scipy.ndimage.uniform_filter1d(turns, max(1, round(REST.noise_s * clip.fps)), axis=0, mode="nearest")
         if np.linalg.norm(np.ptp(smooth, axis=0)) > REST.turn:
             owned.add(channel)
     return frozenset(owned)

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import convolve1d, gaussian_filter1d, minimum_filter1d
+import scipy
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.collision import Near, near_pairs, pair_clearances, skin_pairs
@@ -130,7 +129,7 @@ def pace(clip: Clip) -> Pace:
 def _pace(clip: Clip) -> Pace:
     points, speeds, accelerations = _points(clip)
     intensity = _intensity(points, points, speeds, accelerations, clip.fps)
-    low_passed = gaussian_filter1d(points, RATES.noise_filter_s * clip.fps, axis=0, mode="nearest")
+    low_passed = scipy.ndimage.gaussian_filter1d(points, RATES.noise_filter_s * clip.fps, axis=0, mode="nearest")
     limiting = _intensity(points, low_passed, speeds, accelerations, clip.fps)
     width = 2 * max(1, round(RATES.smoothing_s * clip.fps)) + 1
     limits = np.clip(1.0 / np.maximum(limiting, 1.0 / RATES.highest_rate), 1.0, RATES.highest_rate)
@@ -139,8 +138,8 @@ def _pace(clip: Clip) -> Pace:
     spans += [(start, stop - 1, RATES.least_contact_s) for start, stop in contact_frames(clip)]
     for start, stop, least in spans:
         limits[start : stop + 1] = np.minimum(limits[start : stop + 1], max(1.0, (stop - start) / clip.fps / least))
-    limits = minimum_filter1d(limits, width, mode="nearest")
-    smooth = gaussian_filter1d(intensity, RATES.smoothing_s * clip.fps, mode="nearest")
+    limits = scipy.ndimage.minimum_filter1d(limits, width, mode="nearest")
+    smooth = scipy.ndimage.gaussian_filter1d(intensity, RATES.smoothing_s * clip.fps, mode="nearest")
     return Pace(np.maximum(smooth, RATES.least_intensity), limits, active_span(arms(clip)), clip.fps)
 
 
@@ -162,7 +161,7 @@ def _smooth(values: FloatArray, fps: float) -> FloatArray:
     """Smooths values (T,) by a bell no wider than the minimum filter of ``most``, so that ``most`` stays a limit."""
     side = max(1, round(RATES.smoothing_s * fps))
     kernel = np.hanning(2 * side + 3)[1:-1]
-    return np.asarray(convolve1d(values, kernel / kernel.sum(), mode="nearest"))
+    return np.asarray(scipy.ndimage.convolve1d(values, kernel / kernel.sum(), mode="nearest"))
 
 
 def _points(clip: Clip) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -185,7 +184,7 @@ def _movements(clip: Clip) -> list[tuple[int, int]]:
     for side in ("left", "right"):
         tips = [joint for role, joint in joints.items() if role.startswith(side) and role.endswith("Distal")]
         positions = kinematics.forward(clip, [0, joints[f"{side}Hand"], *tips])[1] * info.sizes.unit.metres
-        positions = gaussian_filter1d(positions, RATES.smoothing_s * clip.fps, axis=0, mode="nearest")
+        positions = scipy.ndimage.gaussian_filter1d(positions, RATES.smoothing_s * clip.fps, axis=0, mode="nearest")
         for path in (positions[:, 1:2] - positions[:, :1], positions[:, 2:] - positions[:, 1:2]):
             speed = np.linalg.norm(np.gradient(path, axis=0), axis=-1).max(axis=1, initial=0.0) * clip.fps
             movements += _humps(speed)
@@ -277,7 +276,9 @@ def _source_frames(rates: FloatArray) -> FloatArray:
     times = np.r_[0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]))]  # played frames
     n_frames = int(np.ceil(times[-1] - 1e-9))
     times *= n_frames / times[-1]
-    sources = PchipInterpolator(times, np.arange(len(rates), dtype=np.float64))(np.arange(n_frames + 1))
+    sources = scipy.interpolate.PchipInterpolator(times, np.arange(len(rates), dtype=np.float64))(
+        np.arange(n_frames + 1)
+    )
     sources = np.round(sources, RATES.frame_decimals)
     sources[0], sources[-1] = 0.0, len(rates) - 1.0
     return np.asarray(sources)
