@@ -308,6 +308,8 @@ def test_inspect_describes_a_clip(folder: Path, signsplice: Call) -> None:
     assert facts["roles"]["leftUpperArm"] == "mixamorig:LeftArm"
     assert len(facts["rest"]) == 2
     assert facts["warnings"] == []
+    assert "recorded at 30 frames a second (--input-fps)" in facts["assumed"]
+    assert "rest pose: all rotations zero" in facts["assumed"]
     assert "mixamorig:LeftArm" in signsplice("inspect", "SIGN.bvh").stdout
 
 

@@ -330,7 +330,9 @@ def _jump_warnings(clip: Clip, jumps: Mask, angles: FloatArray, speeds: FloatArr
 
 
 def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
-    """Returns a clip's facts, ready for JSON: rig, roles, rate, frames, unit, axes, keyedness, rest and warnings."""
+    """Returns a clip's facts, ready for JSON: rig, roles, rate, frames, unit, axes, keyedness, rest, what is assumed of
+    its file, and warnings.
+    """
     skeleton = clip.skeleton
     info = rig_info(skeleton)
     humanoid, unit = info.roles, info.sizes.unit
@@ -355,9 +357,28 @@ def inspect(clip: Clip, file: str = "") -> dict[str, Any]:
         "motion": explain_keyedness(with_ends_held(clip)).reason,
         "memory kB": clip.nbytes // 1024,
         "rest": rest,
+        "assumed": _assumptions(clip),
         "roles": {role: skeleton.names[joint] for role, joint in humanoid.joints.items()},
         "warnings": list(clip_warnings(clip)),
     }
+
+
+def _assumptions(clip: Clip) -> list[str]:
+    """Returns what is taken for true of a clip though files say it wrongly or not at all, and how to say it."""
+    info, skeleton = rig_info(clip.skeleton), clip.skeleton
+    unit, rig = info.sizes.unit, info.roles.rig
+    frame = rest_frame(clip) if skeleton.rest_pose is not None else None
+    if skeleton.rest_pose is None:
+        rest = "all rotations zero"
+    else:
+        rest = "given" if frame is None else f"frame {frame}, the first that shows a person (--rest-frame)"
+    return [
+        f"recorded at {clip.fps:.6g} frames a second (--input-fps)",
+        f"lengths in {unit.name}: the person is {unit.stature_m:.2f} m tall",
+        f"rest pose: {rest}",
+        "roles as given" if skeleton.roles is not None else f"roles by the joint names of rigs of kind {rig} (--roles)",
+        "up and forward by hips, head and shoulders",
+    ]
 
 
 def clip_warnings(clip: Clip) -> tuple[str, ...]:
