@@ -106,9 +106,9 @@ def test_other_suffixes_are_neither_written_nor_parsed(tmp_path: Path) -> None:
 
 def test_a_clip_that_a_format_cannot_hold_is_refused_by_path(tmp_path: Path) -> None:
     clip = random_clip(0)
-    spaced = replace(clip.skeleton, names=("my hips", *clip.skeleton.names[1:]))
-    with pytest.raises(InputError, match=r"a\.bvh: joint name 'my hips'"):
-        save(replace(clip, skeleton=spaced), tmp_path / "a.bvh")
+    unnamed = replace(clip.skeleton, names=(" ", *clip.skeleton.names[1:]))
+    with pytest.raises(InputError, match=r"a\.bvh: joint name ' ' is empty"):
+        save(replace(clip, skeleton=unnamed), tmp_path / "a.bvh")
     assert not list(tmp_path.iterdir())
 
 

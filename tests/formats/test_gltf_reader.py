@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import re
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +16,7 @@ import pytest
 import signsplice as ss
 from gltf_documents import ARM, IDENTITY, QUARTER, changed, document, load_document, rotating
 from signsplice.errors import FormatError, InputError
+from signsplice.formats import parse
 from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, Skeleton, kinematics, rotation
 from signsplice.rig.inspection import inspect
@@ -325,3 +330,58 @@ def test_a_figure_without_animation_is_told_from_a_clip(tmp_path: Path) -> None:
         FormatError, match=r"holds no animation, expected an animated skeleton; .*`signsplice convert` puts"
     ):
         load_document(tmp_path, content)
+
+
+def test_names_that_stand_twice_get_a_number_and_names_with_spaces_become_bvh(tmp_path: Path) -> None:
+    nodes = [
+        {"name": "Bip01", "children": [1]},
+        {"name": "Bip01 L Hand", "translation": [0, 1, 0], "children": [2]},
+        {"name": "Bip01", "translation": [0, 1, 0]},
+    ]
+    clip = load_document(tmp_path, document(nodes, [rotating()]))
+    assert clip.skeleton.names == ("Bip01", "Bip01 L Hand", "Bip01 2")
+    assert clip.notes == ("joint names that stand twice get a number: 'Bip01 2'",)
+    ss.save(clip, tmp_path / "made.bvh")
+    again = ss.load(tmp_path / "made.bvh")
+    assert again.skeleton.names == ("Bip01", "Bip01_L_Hand", "Bip01_2")
+    np.testing.assert_allclose(kinematics.forward(again)[1], kinematics.forward(clip)[1], atol=1e-6)
+
+
+ODD: tuple[Any, ...] = (None, [], {}, 5, "x", True, -1, 0.5, [5], {"x": 1}, [[]], [{}], 10**30)
+"""JSON values of all kinds, put in the place of every other."""
+
+
+def test_a_property_of_any_other_type_is_read_or_refused_in_one_line_of_words() -> None:
+    """No odd content looks like a fault of the program, such as an AttributeError, which would pass through."""
+    vrm = {"humanoid": {"humanBones": {"hips": {"node": 0}}}, "expressions": {"preset": {"aa": {"node": 1}}}}
+    whole = document(
+        ARM, [rotating(), rotating(node=1)], extensions={"VRMC_vrm_animation": vrm}, skins=[{"joints": [0, 1]}]
+    )
+    messages = []
+    for path in list(paths(whole)):
+        for value in ODD:
+            content = copy.deepcopy(whole)
+            place: Any = content
+            for key in path[:-1]:
+                place = place[key]
+            place[path[-1]] = value
+            try:
+                parse(json.dumps(content).encode(), "a.gltf")
+            except InputError as error:
+                messages.append(str(error))
+    assert len(messages) > 500
+    assert [text for text in messages if re.search(r"\n|Error|Exception|object is|has no len", text)] == []
+
+
+def paths(value: Any, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The way to every value in a document."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (*above, key)
+        yield from paths(inner, (*above, key))
+
+
+def test_a_file_without_channels_is_refused_by_what_it_lacks() -> None:
+    file = Path(__file__).parents[1] / "data" / "cases" / "raw_python_errors" / "animation_without_channels.gltf"
+    with pytest.raises(FormatError, match=r"animation_without_channels\.gltf: animation 0 has no channels, expected a"):
+        ss.load(file)

@@ -10,6 +10,7 @@ import struct
 import time
 import tracemalloc
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from conftest import random_clip
 
 from broken_bvh import VALID, deep, wide
 from signsplice.cli.commands import app
-from signsplice.errors import FormatError, InputError, LimitError
+from signsplice.errors import FormatError, InputError, LimitError, MissingExtraError
 from signsplice.formats import encode, load, parse, save
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, format_errors, read_bytes
 from signsplice.motion import resample
@@ -109,9 +110,10 @@ BOMBS: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "a frame rate": ("a.bvh", lambda: VALID.replace("0.04", "1e-9").encode(), "expected at most 1,000 fps"),
     "numbers in a line": (
         "a.bvh",
-        lambda: (VALID + "10 " * 1_500_000).encode(),
-        "1500000 numbers in a frame, expected 9|3 frames follow",
+        lambda: VALID.replace("0 91 0 1", "10 " * 1_500_000 + "0 91 0 1").encode(),
+        "1500009 numbers in a frame, expected 9",
     ),
+    "numbers after the frames": ("a.bvh", lambda: (VALID + "10 " * 1_500_000).encode(), ""),
     "digits": ("a.bvh", lambda: VALID.replace("0.04", "1" * 100_000 + "x").encode(), "is not a number"),
     "blank lines": ("a.bvh", lambda: b"\n" * 2_000_000 + VALID.encode() + b" \t\n" * 2_000_000, ""),
     "members": (
@@ -278,16 +280,39 @@ def test_buffer_files_lie_in_the_folder_itself(tmp_path: Path) -> None:
         load(folder / "a.gltf", replace(DEFAULT_LIMITS, file_bytes=whole - 100))
 
 
-@pytest.mark.parametrize(
-    "error", [KeyError("x"), RecursionError(), MemoryError(), struct.error("two\nlines"), OSError()]
-)
-def test_whatever_a_parser_raises_names_the_file(error: Exception) -> None:
-    with pytest.raises(FormatError, match=r"^a\.x: \S") as caught, format_errors("a.x", "file"):
+PLAIN: list[tuple[Exception, str]] = [
+    (KeyError("channels"), "it has no 'channels'"),
+    (IndexError("list index out of range"), "a number in it names what is not there"),
+    (ValueError("cannot reshape array of size 3 into shape (63,newaxis)"), "its content does not fit together"),
+    (TypeError("'int' object is not iterable"), "its content does not fit together"),
+    (RecursionError(), "it nests too deeply"),
+    (struct.error("two\nlines"), "it is damaged or cut short"),
+    (zlib.error("Error -3 while decompressing data"), "it is damaged or cut short"),
+    (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"), "a text in it is not utf-8"),
+    (KeyError(), "it has no "),
+    (OSError(), "its content does not fit together"),
+    (zipfile.BadZipFile("File is not a zip file"), "File is not a zip file"),
+    (InputError("no joint 'tail'"), "no joint 'tail'"),
+]
+
+
+@pytest.mark.parametrize(("error", "reason"), PLAIN)
+def test_whatever_a_parser_raises_names_the_file_and_no_exception(error: Exception, reason: str) -> None:
+    with pytest.raises(FormatError, match=r"^a\.x: is no valid file \(") as caught, format_errors("a.x", "file"):
         raise error
     assert caught.value.__cause__ is error
+    assert f"({reason}" in str(caught.value)
     assert "\n" not in str(caught.value)
-    with pytest.raises(KeyboardInterrupt), format_errors("a.x", "file"):
-        raise KeyboardInterrupt
+    assert type(error).__name__ not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "fault", [KeyboardInterrupt(), MemoryError(), AttributeError("x"), ImportError("x"), MissingExtraError("x")]
+)
+def test_faults_of_the_program_or_the_machine_are_not_blamed_on_a_file(fault: BaseException) -> None:
+    with pytest.raises(type(fault)) as caught, format_errors("a.x", "file"):
+        raise fault
+    assert caught.value is fault
 
 
 def test_errors_of_writing_are_not_taken_for_errors_of_a_file() -> None:

@@ -102,7 +102,7 @@ def changed_array(name: str, change: Any) -> Any:
 
 INVALID: dict[str, tuple[Any, str]] = {
     "head is a list": (lambda head, arrays: arrays.update(raw="[]"), "version None"),
-    "head is nested deeply": (lambda head, arrays: arrays.update(raw="[" * 100_000), "RecursionError"),
+    "head is nested deeply": (lambda head, arrays: arrays.update(raw="[" * 100_000), "it nests too deeply"),
     "another version": (changed_head(version=2), "version 2, expected 1"),
     "names are numbers": (changed_head(names=[1, 2]), "lists of joint names"),
     "a half character": (changed_head(names=["a\ud800", "b"]), "a joint name is no text"),
@@ -142,7 +142,14 @@ INVALID: dict[str, tuple[Any, str]] = {
         "channel_offsets: .*others than",
     ),
     "fewer channels": (changed_array("channel_values", lambda a: a[:, 1:]), "channel values"),
-    "no offsets": (lambda head, arrays: arrays.pop("offsets"), "KeyError: 'offsets'"),
+    "no offsets": (lambda head, arrays: arrays.pop("offsets"), "it has no 'offsets'"),
+    "no names and no parents": (
+        lambda head, arrays: (head.pop("names"), arrays.pop("parents")),
+        "it has no 'names'",
+    ),
+    "no numbers of channels": (lambda head, arrays: arrays.pop("channel_values"), "it has no 'channel_values'"),
+    "no weights of a face": (changed_head(face=["jawOpen"]), "it has no 'face_weights'"),
+    "roles are missing": (lambda head, arrays: head.pop("roles"), "it has no 'roles'"),
 }
 
 

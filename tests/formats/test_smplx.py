@@ -81,6 +81,35 @@ def test_parts_that_are_missing_are_at_rest_and_a_missing_rate_is_noted() -> Non
     assert len(clip.notes) == 2
 
 
+CASES = Path(__file__).parents[1] / "data" / "cases" / "smplx_single_frame"
+
+
+@pytest.mark.parametrize("file", ["osx_frame.npz", "smplerx_frame.npz"])
+def test_a_file_of_one_frame_is_read_with_a_note(file: str) -> None:
+    """OSX and SMPLer-X write a file for each frame of a film."""
+    clip = load(CASES / file)
+    with np.load(CASES / file) as stored:
+        body = next(stored[name] for name in ("smplx_body_pose", "body_pose") if name in stored)
+    assert len(clip) == 1
+    np.testing.assert_allclose(rotation.log(clip.local_rotations[0, 1:22]).ravel(), body.ravel(), atol=1e-9)
+    assert clip.notes[0].startswith("it holds one frame; join the files of a recording")
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {name: part[0] for name, part in PARTS.items()} | {"trans": TRANS[0]},
+        {name: part[:1] for name, part in OF_THE_MODEL.items()} | {"transl": TRANS[:1]},
+        {name: part[0].reshape(-1, 3) for name, part in OF_THE_MODEL.items()} | {"transl": TRANS[0]},
+        {"poses": POSES[0], "trans": TRANS[0]},
+    ],
+)
+def test_one_frame_may_have_any_shape(arrays: dict[str, Any]) -> None:
+    clip, whole = read(**arrays), read(poses=POSES, trans=TRANS)
+    np.testing.assert_array_equal(clip.local_rotations, whole.local_rotations[:1])
+    np.testing.assert_array_equal(clip.root_positions, whole.root_positions[:1])
+
+
 def test_what_is_written_is_read_back_within_a_hundredth_of_a_degree(tmp_path: Path) -> None:
     with lexicon.open_shipped_lexicon() as words:
         source = words.clip("NAME")
@@ -111,6 +140,12 @@ def test_what_is_written_is_read_back_within_a_hundredth_of_a_degree(tmp_path: P
         ({"poses": np.where(POSES > 1, np.nan, POSES)}, "poses: a number is not finite"),
         ({"body_pose": POSES[:, 3:66], "left_hand_pose": POSES[:, :12]}, "hands in PCA need the licensed model"),
         ({"body_pose": POSES[:, 3:60]}, r"body_pose has shape"),
+        ({"body_pose": POSES[0, 3:66], "left_hand_pose": POSES[0, :12]}, "hands in PCA need the licensed model"),
+        ({"body_pose": POSES[:, 3:66], "left_hand_pose": POSES[:4, :45]}, r"has shape \(4, 45\), expected \(5, 45\)\)"),
+        ({"body_pose": POSES[:, 3:66], "global_orient": POSES[:3, :5]}, r"global_orient has shape \(3, 5\), expected"),
+        ({"body_pose": POSES[:, 3:66].T}, r"body_pose has shape \(63, 5\), expected \(63, 63\)"),
+        ({"body_pose": POSES[0, 0]}, r"body_pose has shape \(\), expected \(1, 63\)"),
+        ({"body_pose": POSES[:, 3:66], "jaw_pose": POSES[0, :3]}, r"jaw_pose has shape \(3,\), expected \(5, 3\)"),
         ({"poses": POSES, "mocap_frame_rate": np.array(-5.0)}, "frame rate -5.0"),
         ({"poses": np.array([{"a": 1}], object)}, "poses holds object, expected numbers"),
         ({"poses": POSES.astype(str)}, "expected numbers"),

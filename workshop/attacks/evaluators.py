@@ -317,10 +317,11 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
         match word.upper():
             case "ROOT" | "JOINT":
                 parent = stack[-1] if stack else None
-                joints.append((next(words), parent, np.zeros(3), []))
+                joints.append((" ".join(iter(lambda: next(words), "{")), parent, np.zeros(3), []))
                 stack.append(len(joints) - 1)
             case "END":
-                next(words)
+                while next(words) != "{":
+                    pass
                 stack.append(None)
             case "OFFSET":
                 offset = [float(next(words)) for _ in range(3)]

@@ -20,6 +20,7 @@ from fuzz_clips import unpack
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
+from signsplice.formats import bvh
 from signsplice.motion import Clip
 from signsplice.rig.inspection import left_out_warnings
 
@@ -103,9 +104,10 @@ def judge_written(clip: Clip) -> bool:
     except InputError:  # names that BVH cannot hold
         return True
     names, world = evaluators.evaluate_bvh(written)
-    if {*names} != {*clip.skeleton.names}:
+    expected = bvh.written_names(clip)
+    if {*names} != {*expected}:
         raise WrongMotionError("joints have other names in the BVH that is written")
-    order = [names.index(name) for name in clip.skeleton.names]
+    order = [names.index(name) for name in expected]
     frames = _choose_frames(len(clip))
     return _compare(clip, frames, world[frames][:, order], "written joint")
 

@@ -164,7 +164,7 @@ def _column(batch: pa.RecordBatch, name: str, kind: pa.DataType) -> pa.Array:
         if pa.types.is_string(column.type):
             column = pc.utf8_split_whitespace(pc.utf8_trim_whitespace(column))
         if column.null_count or pc.list_flatten(column).null_count:
-            raise ValueError("a row has no glosses, or null among them")
+            raise InputError("a row has no glosses, or null among them")
     elif pa.types.is_string(kind) and not pa.types.is_string(column.type):
         if pa.types.is_float32(column.type):
             column = column.cast(pa.string()).cast(pa.float64())  # 0.3 stays 0.3, unlike in a direct cast
@@ -183,7 +183,7 @@ def _no_nan(column: pa.Array) -> pa.Array:
 def _text(value: object) -> str:
     """Return a number in a column of texts with all its digits: "2" for 2.0."""
     if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
-        raise ValueError(f"{str(value)[:40]!r} is no text and no number")
+        raise InputError(f"{str(value)[:40]!r} is no text and no number")
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
@@ -230,7 +230,7 @@ def rows(path: str | Path, start: int, stop: int) -> list[SentenceRecipe]:
             start - start // ROWS * ROWS, stop - start
         )
         if len(table) != stop - start:
-            raise ValueError(f"{file.metadata.num_rows} rows, expected row {stop - 1} too")
+            raise InputError(f"{file.metadata.num_rows} rows, expected row {stop - 1} too")
         return [row for batch in table.to_batches() for row in recipes_of(batch)]
 
 

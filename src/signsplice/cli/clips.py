@@ -238,6 +238,13 @@ def write(
             film.write_pictures(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
         return
     formats.save(clip, output)
+    if Path(output).suffix.lower() == ".bvh":
+        from signsplice.formats.bvh import written_names
+
+        pairs = zip(clip.skeleton.names, written_names(clip), strict=True)
+        changed = [f"{name!r} as {written!r}" for name, written in pairs if name != written]
+        more = f" and {len(changed) - 3} more" if len(changed) > 3 else ""
+        warn([f"{output}: BVH holds no such names of joints: {', '.join(changed[:3])}{more}"] if changed else [])
     if clip.face is None and Path(output).suffix.lower() == ".bvh":
         from signsplice.formats.live_link import sidecar
 

@@ -1,5 +1,6 @@
-"""BVH files (Biovision Hierarchy, ``.bvh``): a strict reader and an exact writer.
+"""BVH files (Biovision Hierarchy, ``.bvh``): a reader of what programs write, and an exact writer.
 
+Content with one meaning is read, with a note if anything is renamed, left out or guessed; content with two is refused.
 Conventions, where other readers differ: a position channel replaces its component of the joint's OFFSET (Blender and
 bvhio; rejected: three.js, which adds both). Rotations are the intrinsic product of the channels in the file's order.
 A clip that was read is written with the same numbers to the last digit, names, channel orders and Frame Time.
@@ -8,226 +9,26 @@ A clip that was read is written with the same numbers to the last digit, names, 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import numpy as np
 
-from signsplice.errors import FormatError, InputError, LimitError
+from signsplice.errors import FormatError, InputError
+from signsplice.formats.bvh_hierarchy import SCALES, Declaration, Hierarchy, number_of, short
+from signsplice.formats.gltf_document import EVEN, renamed, unique
 from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton, euler
 from signsplice.motion.clip import ChannelNames
-from signsplice.motion.euler import POSITIONS, ROTATIONS
-
-_MAX_WORDS = 50_000
-_LONGEST = 32
-"""Words in the longest statement, CHANNELS, with some extra words that are invalid."""
-
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_CHANNELS = {name.lower(): name for name in (*POSITIONS, *ROTATIONS)}
-
-
-@dataclass
-class Hierarchy:
-    """The declarations of HIERARCHY; ``read_line`` parses its lines one by one.
-
-    file: name of the file, for messages.
-    limits: of joints and their depth.
-    names: of the joints, in file order.
-    parents: index of each joint's parent, -1 for the root.
-    offsets: each joint's OFFSET, None until it is read.
-    channels: names of each joint's channels, in file order.
-    sites: End Sites, each the index of its joint and its OFFSET.
-    """
-
-    file: str
-    limits: ReadLimits
-    names: list[str] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    offsets: list[list[float] | None] = field(default_factory=list)
-    channels: list[tuple[str, ...]] = field(default_factory=list)
-    sites: list[tuple[int, list[float] | None]] = field(default_factory=list)
-    _lines: dict[str, int] = field(default_factory=dict)  # joint name -> line that declared it
-    _open: list[tuple[int, bool, int]] = field(default_factory=list)  # (joint, is an End Site, line) of each open brace
-    _declared: tuple[int, bool, int] | None = None  # what the next brace opens
-    _started: bool = False
-    _last_line: int = 1
-
-    def fail(self, what: str, line: int | None = None) -> FormatError:
-        """Make the error for ``what``, with the file and the line (by default the last one read)."""
-        return FormatError(what, file=self.file, line=self._last_line if line is None else line)
-
-    def too_much(self, what: str) -> LimitError:
-        """Make the error for a skeleton that exceeds a limit."""
-        return LimitError(f"{what}, expected a skeleton", file=self.file, line=self._last_line)
-
-    def read_line(self, number: int, text: str) -> None:
-        """Parse line ``number`` (from 1). Raises ``FormatError`` if it is not valid."""
-        tokens = text.split(None, _MAX_WORDS)
-        self._last_line = number
-        if len(tokens) > _MAX_WORDS:
-            raise self.fail(f"more than {_MAX_WORDS} words in one line, expected a statement a line")
-        if not self._started:
-            if tokens[0].upper() != "HIERARCHY":
-                raise self.fail(f"found {short(tokens[0])}, expected HIERARCHY; is this a BVH file?")
-            self._started, tokens = True, tokens[1:]
-        position = 0
-        while position < len(tokens):
-            words = tokens[position : position + _LONGEST]
-            position += len(words) - len(self._read_statement(words))
-
-    def _read_statement(self, tokens: list[str]) -> list[str]:
-        """Parse the first statement of a line's tokens; returns the remaining tokens."""
-        word, rest = tokens[0], tokens[1:]
-        key = word.upper()
-        if self._declared is not None and word != "{":
-            kind = "End Site" if self._declared[1] else f"joint {short(self.names[self._declared[0]])}"
-            raise self.fail(f"found {short(word)}, expected {{ after {kind}; a joint's name has no white space")
-        if word == "{":
-            if self._declared is None:
-                raise self.fail("found {, expected ROOT, JOINT or End Site before it")
-            self._open.append(self._declared)
-            self._declared = None
-            if len(self._open) > self.limits.depth:
-                raise self.too_much(f"joints nest deeper than {self.limits.depth:g}")
-            return rest
-        if word == "}":
-            self._close_brace()
-            return rest
-        if key in ("ROOT", "JOINT"):
-            return self._declare_joint(key, rest)
-        if key == "END":
-            if not rest or rest[0].upper() != "SITE":
-                raise self.fail(f"found {' '.join(map(short, tokens[:2]))}, expected End Site")
-            joint = self._current(word)
-            if len(self.sites) >= self.limits.joints:
-                raise self.too_much(f"more than {self.limits.joints:g} End Sites")
-            self.sites.append((joint, None))
-            self._declared = (len(self.sites) - 1, True, self._last_line)
-            return rest[1:]
-        if key == "OFFSET":
-            return self._read_offset(rest)
-        if key == "CHANNELS":
-            return self._read_channels(rest)
-        if key in ("FRAMES:", "FRAME"):
-            raise self.fail(f"found {short(word)} without MOTION before it, expected a line MOTION")
-        raise self.fail(f"found {short(word)}, expected JOINT, End Site, OFFSET, CHANNELS or a brace")
-
-    def _current(self, word: str) -> int:
-        if not self._open or self._open[-1][1]:
-            where = "inside an End Site" if self._open else "outside a joint"
-            raise self.fail(f"{word} {where}, expected it inside a joint's braces")
-        return self._open[-1][0]
-
-    def _declare_joint(self, key: str, rest: list[str]) -> list[str]:
-        if not rest or rest[0] == "{":
-            raise self.fail(f"{key} without a name, expected a name after it")
-        name = rest[0]
-        if key == "ROOT" and self.names:
-            raise self.fail(f"a second ROOT {short(name)}, expected one skeleton a file; split the file")
-        if key == "JOINT" and not self.names:
-            raise self.fail(f"JOINT {short(name)} comes first, expected ROOT")
-        parent = self._current(f"JOINT {name[:40]}") if key == "JOINT" else -1
-        if name in self._lines:
-            raise self.fail(
-                f"joint name {short(name)} stands twice (first in line {self._lines[name]}), expected different names"
-            )
-        if len(self.names) >= self.limits.joints:
-            raise self.too_much(f"more than {self.limits.joints:g} joints")
-        self._lines[name] = self._last_line
-        self.names.append(name)
-        self.parents.append(parent)
-        self.offsets.append(None)
-        self.channels.append(())
-        self._declared = (len(self.names) - 1, False, self._last_line)
-        return rest[1:]
-
-    def _read_offset(self, rest: list[str]) -> list[str]:
-        numbers = [number_of(token, self.file, self._last_line) for token in rest[:3]]
-        if len(numbers) != 3 or (len(rest) > 3 and _NUMBER.fullmatch(rest[3])):
-            raise self.fail(f"OFFSET with {len(rest)} values, expected 3 numbers")
-        if not self._open:
-            raise self.fail("OFFSET outside a joint, expected it inside braces")
-        index, is_site, _ = self._open[-1]
-        if (self.sites[index][1] if is_site else self.offsets[index]) is not None:
-            raise self.fail("a second OFFSET in one joint, expected one")
-        if is_site:
-            self.sites[index] = (self.sites[index][0], numbers)
-        else:
-            self.offsets[index] = numbers
-        return rest[3:]
-
-    def _read_channels(self, rest: list[str]) -> list[str]:
-        joint = self._current("CHANNELS")
-        if not rest or not rest[0].isdecimal():
-            raise self.fail(f"CHANNELS {short(rest[0]) if rest else ''}, expected a number of channels")
-        count = int(rest[0][:4])
-        tokens = [token for token in rest[1 : 1 + count] if token not in "{}"]
-        extra = rest[1 + count : 2 + count]
-        if len(tokens) != count or (extra and extra[0].lower() in _CHANNELS):
-            raise self.fail(f"CHANNELS {count} with {len(rest) - 1} names, expected {count} channel names")
-        names = []
-        for token in tokens:
-            if token.lower() not in _CHANNELS:
-                raise self.fail(
-                    f"unknown channel {short(token)}, expected one of {', '.join((*POSITIONS, *ROTATIONS))}"
-                )
-            names.append(_CHANNELS[token.lower()])
-        if len(set(names)) != len(names):
-            raise self.fail(f"joint {short(self.names[joint])} has a channel twice, expected different channels")
-        if self.channels[joint]:
-            raise self.fail("a second CHANNELS in one joint, expected one")
-        self.channels[joint] = tuple(names)
-        return rest[1 + count :]
-
-    def _close_brace(self) -> None:
-        if not self._open:
-            raise self.fail("found } with no open brace, expected MOTION; the braces are unbalanced")
-        index, is_site, line = self._open.pop()
-        if (self.sites[index][1] if is_site else self.offsets[index]) is None:
-            what = "End Site" if is_site else f"joint {short(self.names[index])}"
-            raise self.fail(f"{what} without OFFSET, expected OFFSET and 3 numbers", line)
-
-    def close(self, motion: int | None) -> None:
-        """Check at the end of HIERARCHY that everything is declared and closed; ``motion``: line of MOTION, if any."""
-        self._last_line = motion or self._last_line
-        if not self._started:
-            raise self.fail("found MOTION, expected HIERARCHY before it")
-        if self._open or self._declared is not None:
-            index, is_site, line = self._open[-1] if self._open else self._declared or (0, False, 0)
-            what = "End Site" if is_site else f"joint {short(self.names[index])}"
-            raise self.fail(f"{what} (line {line}) is never closed, expected }}; the braces are unbalanced")
-        if not self.names:
-            raise self.fail("no ROOT, expected a skeleton between HIERARCHY and MOTION")
-
-
-def short(token: str) -> str:
-    """Quote a token for a message; a long one is shortened."""
-    return repr(token if len(token) <= 40 else token[:37] + "...")
-
-
-def number_of(token: str, file: str, line: int) -> float:
-    """Parse a token as a finite number. Raises ``FormatError`` that says why it is not one."""
-    if _NUMBER.fullmatch(token):
-        value = float(token)
-        if np.isfinite(value):
-            return value
-        what = "is too large for a number"
-    elif "," in token and _NUMBER.fullmatch(token.replace(",", ".", 1)):
-        what = "has a decimal comma, expected a point; save the file with points"
-    elif token.lstrip("+-").lower() in ("nan", "inf", "infinity"):
-        what = "is not a finite number, expected one; export the file anew"
-    else:
-        what = "is not a number, expected one"
-    raise FormatError(f"{short(token)} {what}", file=file, line=line)
-
 
 _LINE = re.compile(rb"\S[^\n]*")
 """A line that is not blank; skipping blank lines costs next to nothing."""
-_MOTION = re.compile(rb"(?im)^[^\S\n]*MOTION[^\S\n]*$")
-_FRAMES = re.compile(r"frames\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
-_FRAME_TIME = re.compile(r"frame\s+time\s*:\s*(\S*)\s*(.*)", re.IGNORECASE)
+_MOTION = re.compile(rb"(?im)(?:^|\})[^\S\n]*(MOTION)(?=[^\S\n]*(?:$|frames))")
+_HEAD = (
+    (re.compile(rb"\s*frames[^\S\n]*:?[^\S\n]*([^\s:]\S*)", re.IGNORECASE), "Frames: and a number"),
+    (re.compile(rb"(?im)\s*frame[^\S\n]*time[^\S\n]*:?[^\S\n]*([^\s:]\S*)[^\S\n]*$"), "Frame Time: and seconds"),
+)
+"""The lines between MOTION and the frames, each with what is expected there."""
 _BLOCK = 4096
 """Frames parsed at a time, to limit the memory of their text."""
 _LONG = 100
@@ -238,6 +39,8 @@ _ROUNDED = 0.0025
 """Fraction by which a rate may differ from a Frame Time without a note (60 fps from 0.0167)."""
 _MOST_ROUNDED = 0.0101
 """Fraction by which a usual rate may differ from a Frame Time, with a note (30 fps from 0.033)."""
+_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0)
+"""Frame Times that are rates, which some captures print in the place of a time: no frame lasts so many seconds."""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
@@ -248,26 +51,48 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     text = _normalize_text(content, file)
     motion = _MOTION.search(text)
     hierarchy = Hierarchy(file, limits)
-    for number, words in _lines(text, 0, len(text) if motion is None else motion.start()):
+    for number, words in _lines(text, 0, len(text) if motion is None else motion.start(1)):
         hierarchy.read_line(number, _decode_line(words[0]))
-    n_lines = text.count(b"\n") + 1
     if motion is None:
         hierarchy.close(None)
-        raise FormatError("the file ends without MOTION, expected frames after the hierarchy", file=file, line=n_lines)
+        what = "the file ends without MOTION, expected frames after the hierarchy"
+        raise FormatError(what, file=file, line=_line_number(text, len(text)))
     hierarchy.close(_line_number(text, motion.end()))
-    n_frames, frame_time, first = _motion_head(text, motion.end(), n_lines, file)
-    width = sum(map(len, hierarchy.channels))
-    if width == 0:
+    n_frames, frame_time, first = _motion_head(text, motion.end(), file)
+    if frame_time in _RATES:
+        hierarchy.notes.append(f"its Frame Time of {frame_time:g} is read as a rate: {frame_time:g} fps")
+        frame_time = 1.0 / frame_time
+    columns = _columns(hierarchy, text, first)
+    if not columns:
         line = _line_number(text, first)
         raise FormatError("the skeleton has no channels, expected at least the root's", file=file, line=line)
-    # A number takes at least two bytes of text, which bounds the frames that can follow, whatever the file declares.
-    n_possible = min(n_frames, (len(text) - first) // (2 * width) + 1)
+    # A number takes at least two bytes of text, which bounds the frames, whatever the lines hold.
+    n_lines = sum(1 for _ in _LINE.finditer(text, first))
+    n_possible = min(n_lines, (len(text) - first) // (2 * len(columns)) + 1)
     n_joints, fps = len(hierarchy.names), standard_fps(frame_time)
-    n_bytes = n_possible * (n_joints * JOINT_FRAME_BYTES + width * _NUMBER_BYTES)
+    n_bytes = n_possible * (n_joints * JOINT_FRAME_BYTES + len(columns) * _NUMBER_BYTES)
     limits.check_clip(n_possible, n_joints, fps, n_bytes, len(content), file)
-    values = np.empty((n_possible, width))
-    _read_frames(text, first, n_frames, values, file)
-    return _clip(hierarchy, values, frame_time, stem(file))
+    values = np.empty((n_possible, len(columns)))
+    n_read = _read_frames(text, first, n_frames, values, file)
+    values = values[:n_read]
+    _check_scales(hierarchy, columns, values, text, first)
+    if n_read != n_frames:
+        hierarchy.notes.append(f"Frames: says {n_frames}, but {n_read} frames follow, which are read")
+    if n_read != n_lines:
+        hierarchy.notes.append(f"the text after its {n_read} frames is not read")
+    return _clip(hierarchy, columns, values, frame_time, stem(file))
+
+
+def _columns(hierarchy: Hierarchy, text: bytes, first: int) -> list[tuple[Declaration, str]]:
+    """Return the joint or End Site and the channel of each number of a frame.
+
+    Programs disagree whether frames hold numbers for channels of End Sites: the first frame's length tells.
+    """
+    columns = [(declaration, name) for declaration in hierarchy.declarations for name in declaration.channels]
+    joint_columns = [column for column in columns if not column[0].is_site]
+    row = _LINE.search(text, first)
+    n_numbers = 0 if row is None else len(_decode_line(row[0]).split(None, len(columns)))
+    return joint_columns if n_numbers == len(joint_columns) else columns
 
 
 def standard_fps(frame_time: float) -> float:
@@ -299,20 +124,16 @@ def _rate_notes(frame_time: float) -> tuple[str, ...]:
 
 
 def encode(clip: Clip) -> bytes:
-    """Encode a clip as a BVH file (UTF-8); numbers that were read from a file are written unchanged.
-
-    Raises ``InputError`` for a joint name that BVH cannot hold.
+    """Encode a clip as a BVH file (UTF-8); numbers that were read from a file are written unchanged, and names as
+    ``written_names`` says. Raises ``InputError`` for a joint without a name.
     """
-    spaced = next((name for name in clip.skeleton.names if name.split() != [name]), None)
-    if spaced is not None:
-        raise InputError(f"joint name {spaced!r} is empty or has white space, which BVH cannot hold; rename it")
     names, values = euler.complete(clip)
     stored = clip.channels
     offsets = clip.skeleton.offsets if stored is None else stored.offsets
     frame_time = 1.0 / clip.fps
     if stored is not None and stored.frame_time > 0.0 and standard_fps(stored.frame_time) == clip.fps:
         frame_time = stored.frame_time
-    lines, order = _hierarchy(clip.skeleton, names, offsets)
+    lines, order = _hierarchy(clip.skeleton, written_names(clip), names, offsets)
     # Columns follow the hierarchy, whatever the order of the joints.
     starts = euler.first_columns(names)
     columns = [starts[joint] + n for joint in order for n in range(len(names[joint]))]
@@ -322,7 +143,25 @@ def encode(clip: Clip) -> bytes:
     return ("\n".join([*lines, format_rows(values)]) + "\n").encode()
 
 
-def _hierarchy(skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> tuple[list[str], list[int]]:
+def written_names(clip: Clip) -> list[str]:
+    """Return the joint names that ``encode`` writes, which differ from the clip's where BVH cannot hold those.
+
+    Names of a BVH file stay. In others, white space becomes an underscore: Blender reads both so, but three.js and
+    pybvh end a name at white space.
+    """
+    names = clip.skeleton.names
+    held = ["_".join(name.split()).rstrip("{") for name in names]
+    if not all(held):
+        raise InputError(f"joint name {names[held.index('')]!r} is empty, which BVH cannot hold; rename it")
+    can_stay = [name.replace(" ", "_") for name in names] == held and not any("{" in name.split() for name in names)
+    if clip.channels is not None and can_stay:
+        return list(names)
+    return unique(held, "_")
+
+
+def _hierarchy(
+    skeleton: Skeleton, joint_names: Sequence[str], names: ChannelNames, offsets: FloatArray
+) -> tuple[list[str], list[int]]:
     """Return the lines of the hierarchy and its joints in that order, each followed by its descendants.
 
     A stack replaces recursion, so that depth has no limit.
@@ -339,7 +178,7 @@ def _hierarchy(skeleton: Skeleton, names: ChannelNames, offsets: FloatArray) -> 
             lines.append(tab + "}")
             continue
         order.append(joint)
-        lines += [f"{tab}{'JOINT' if depth else 'ROOT'} {skeleton.names[joint]}", tab + "{"]
+        lines += [f"{tab}{'JOINT' if depth else 'ROOT'} {joint_names[joint]}", tab + "{"]
         lines.append(f"{tab}\tOFFSET {_decimals(offsets[joint])}")
         lines.append(" ".join([f"{tab}\tCHANNELS", str(len(names[joint])), *names[joint]]))
         for tip in tips.get(joint, ()):
@@ -358,7 +197,7 @@ def _normalize_text(content: bytes, file: str) -> bytes:
     if not content or content.isspace():
         raise FormatError("the file is empty, expected HIERARCHY", file=file, line=1)
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise FormatError("the file is UTF-16 text, expected UTF-8; save it as UTF-8", file=file, line=1)
+        content = content.decode("utf-16", "replace").encode()
     if b"\0" in content:
         line = _line_number(content, content.index(b"\0"))
         raise FormatError("the file is binary (it holds a zero byte), expected BVH text", file=file, line=line)
@@ -388,56 +227,69 @@ def _decode_line(line: bytes) -> str:
         return line.decode("latin-1")  # older encodings; every byte is a character
 
 
-def _motion_head(text: bytes, start: int, n_lines: int, file: str) -> tuple[int, float, int]:
+def _motion_head(text: bytes, start: int, file: str) -> tuple[int, float, int]:
     """Return the number of frames, the Frame Time in seconds, and the position in the text after them."""
-    values: list[str] = []
-    lines = _lines(text, start, len(text))
-    for pattern, what in ((_FRAMES, "Frames: and a number"), (_FRAME_TIME, "Frame Time: and seconds")):
-        number, line = next(lines, (n_lines, None))
-        words = "" if line is None else _decode_line(line[0]).strip()
-        match = pattern.fullmatch(words)
-        if line is None or match is None or not match[1] or match[2]:
-            seen = f"found {short(words)}" if words else "the file ends here"
-            raise FormatError(f"{seen}, expected {what}", file=file, line=number)
-        values.append(match[1])
-        start = line.end()
-        if pattern is _FRAMES and not re.fullmatch(r"\+?\d{1,18}", match[1]):
-            raise FormatError(f"Frames: {short(match[1])}, expected a whole number", file=file, line=number)
-        if pattern is _FRAMES and int(match[1]) == 0:
-            raise FormatError("Frames: 0, expected at least one frame", file=file, line=number)
-    frame_time = number_of(values[1], file, number)
+    values = []
+    for pattern, what in _HEAD:
+        match, line = pattern.match(text, start), _LINE.search(text, start)
+        at = len(text) if line is None else line.start()
+        if match is None:
+            seen = "the file ends here" if line is None else f"found {short(_decode_line(line[0]).strip())}"
+            raise FormatError(f"{seen}, expected {what}", file=file, line=_line_number(text, at))
+        values.append((_decode_line(match[1]), _line_number(text, at)))
+        start = match.end()
+    (count, count_line), (seconds, seconds_line) = values
+    if not re.fullmatch(r"\+?\d{1,18}", count):
+        raise FormatError(f"Frames: {short(count)}, expected a whole number", file=file, line=count_line)
+    frame_time = number_of(seconds, file, seconds_line)
     if frame_time <= 0.0:
-        raise FormatError(f"Frame Time: {values[1]}, expected more than 0 seconds", file=file, line=number)
-    return int(values[0]), frame_time, start
+        raise FormatError(f"Frame Time: {seconds}, expected more than 0 seconds", file=file, line=seconds_line)
+    return int(count), frame_time, start
 
 
-def _read_frames(text: bytes, start: int, n_frames: int, values: FloatArray, file: str) -> None:
-    """Parse the frame lines into ``values`` (T, C). Raises ``FormatError`` unless they are ``n_frames`` rows of C."""
-    rows, width = _LINE.finditer(text, start), values.shape[1]
-    done, last = 0, start
+def _read_frames(text: bytes, start: int, n_frames: int, values: FloatArray, file: str) -> int:
+    """Parse the frame lines into ``values`` (T, C), and return their number.
+
+    After ``n_frames`` frames, a line that is no frame ends them; before, it raises ``FormatError``.
+    """
+    rows, width, done = _LINE.finditer(text, start), values.shape[1], 0
     while block := list(islice(rows, _BLOCK)):
-        stop = done + len(block)
-        for row in block:
-            if row.end() - row.start() > _LONG * (width + _LONG):
-                _check_width(text, row, width, file)  # since numpy takes 20 times the text of so many numbers
-        numbers = _numbers([row[0] for row in block])
-        if stop > n_frames or numbers is None or numbers.shape != (len(block), width):
-            for row in block[: n_frames - done]:
-                _check_width(text, row, width, file)
-                _check_numbers(text, row, file)
-            if stop <= n_frames:
-                raise FormatError("a number cannot be read", file=file, line=_line_number(text, block[0].start()))
-            last = block[n_frames - done].start()
-            done = stop + sum(1 for _ in rows)
+        # Numpy takes 20 times the text of too many numbers.
+        is_long = any(row.end() - row.start() > _LONG * (width + _LONG) for row in block)
+        numbers = None if is_long else _numbers([row[0] for row in block])
+        is_whole = numbers is not None and numbers.shape == (len(block), width)
+        if not is_whole:
+            n_valid, error = _first_invalid(text, block, width, file)
+            if done + n_valid < n_frames:
+                raise error
+            numbers = _numbers([row[0] for row in block[:n_valid]]) if n_valid else np.empty((0, width))
+        if numbers is not None:
+            values[done : done + len(numbers)] = numbers
+            done += len(numbers)
+        if not is_whole:
             break
-        values[done:stop] = numbers
-        done, last = stop, block[-1].start()
-    if done != n_frames:
-        raise FormatError(
-            f"{done} frames follow, expected {n_frames} as Frames: says; correct one of the two",
-            file=file,
-            line=_line_number(text, last),
-        )
+    if done == 0:
+        line = _line_number(text, len(text))
+        raise FormatError("no frame follows, expected at least one line of numbers", file=file, line=line)
+    return done
+
+
+def _first_invalid(text: bytes, rows: list[re.Match[bytes]], width: int, file: str) -> tuple[int, FormatError]:
+    """Return the index of the first line that is no frame of ``width`` numbers, and its error."""
+    for n, row in enumerate(rows):
+        line = _decode_line(row[0])
+        n_numbers = sum(1 for _ in re.finditer(r"\S+", line))
+        try:
+            if n_numbers != width:
+                is_cut = n_numbers < width and _LINE.search(text, row.end()) is None
+                commas = "; it has commas: numbers need a decimal point and white space between them"
+                hint = commas if "," in line else "; the file seems to be cut off here" if is_cut else ""
+                raise FormatError(f"{n_numbers} numbers in a frame, expected {width}{hint}")
+            for token in line.split():
+                number_of(token, file, 0)
+        except FormatError as error:
+            return n, FormatError(error.what, file=file, line=_line_number(text, row.start()))
+    return 0, FormatError("a number cannot be read", file=file, line=_line_number(text, rows[0].start()))
 
 
 def _numbers(rows: list[bytes]) -> FloatArray | None:
@@ -453,36 +305,36 @@ def _numbers(rows: list[bytes]) -> FloatArray | None:
     return numbers if np.isfinite(numbers).all() else None
 
 
-def _check_width(text: bytes, row: re.Match[bytes], width: int, file: str) -> None:
-    """Raise ``FormatError`` if a line does not hold one number for each channel."""
-    n_tokens = sum(1 for _ in re.finditer(r"\S+", _decode_line(row[0])))
-    if n_tokens != width:
-        line = _line_number(text, row.start())  # counts from the text's start: only for the line that is wrong
-        is_cut = n_tokens < width and _LINE.search(text, row.end()) is None
-        commas = "; it has commas: numbers need a decimal point and white space between them"
-        hint = commas if b"," in row[0] else "; the file seems to be cut off here" if is_cut else ""
-        raise FormatError(f"{n_tokens} numbers in a frame, expected {width}{hint}", file=file, line=line)
+def _check_scales(
+    hierarchy: Hierarchy, columns: Sequence[tuple[Declaration, str]], values: FloatArray, text: bytes, first: int
+) -> None:
+    """Raise ``FormatError`` if a channel scales its joint: programs disagree whether its children grow with it."""
+    for column, (declaration, channel) in enumerate(columns):
+        if not declaration.is_site and channel in SCALES:
+            hierarchy.note("scale channels are left out: all their numbers are 1")
+            wrong = np.flatnonzero(np.abs(values[:, column] - 1.0) > EVEN)
+            if len(wrong):
+                what = f"{channel} of {declaration.label} is {values[wrong[0], column]:g}, expected 1"
+                row = next(islice(_LINE.finditer(text, first), int(wrong[0]), None))
+                raise hierarchy.fail(f"{what}; export the file without scales", _line_number(text, row.start()))
 
 
-def _check_numbers(text: bytes, row: re.Match[bytes], file: str) -> None:
-    """Raise ``FormatError`` for the first invalid number of a line."""
-    for token in _decode_line(row[0]).split():
-        try:
-            number_of(token, file, 0)
-        except FormatError as error:
-            raise FormatError(error.what, file=file, line=_line_number(text, row.start())) from None
-
-
-def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str) -> Clip:
-    written = np.array(hierarchy.offsets, np.float64)
-    names = tuple(hierarchy.channels)
+def _clip(
+    hierarchy: Hierarchy, columns: Sequence[tuple[Declaration, str]], values: FloatArray, frame_time: float, name: str
+) -> Clip:
+    kept = [not declaration.is_site and channel not in SCALES for declaration, channel in columns]
+    values = values if all(kept) else np.ascontiguousarray(values[:, kept])
+    joints = [joint for joint in hierarchy.declarations if not joint.is_site]
+    names = tuple(tuple(channel for channel in joint.channels if channel not in SCALES) for joint in joints)
+    written = np.array([joint.offset for joint in joints], np.float64)
     rotations, translations = euler.to_motion(names, values, written)
     # Position channels that never change are bone lengths: they belong to the skeleton.
     moving = np.any(translations[:, 1:] != translations[:1, 1:])
     offsets = written.copy()
     offsets[1:] = np.median(translations[:, 1:], axis=0) if moving else translations[0, 1:]
-    sites = tuple(EndSite(joint, np.array(offset)) for joint, offset in hierarchy.sites)
-    skeleton = Skeleton(tuple(hierarchy.names), np.array(hierarchy.parents, np.intp), offsets, sites)
+    sites = tuple(EndSite(site.joint, np.array(site.offset)) for site in hierarchy.declarations if site.is_site)
+    joint_names = unique(hierarchy.names)
+    skeleton = Skeleton(tuple(joint_names), np.array(hierarchy.parents, np.intp), offsets, sites)
     return Clip(
         skeleton=skeleton,
         local_rotations=rotations,
@@ -491,7 +343,7 @@ def _clip(hierarchy: Hierarchy, values: FloatArray, frame_time: float, name: str
         name=name,
         translations=translations if moving else None,
         channels=Channels(names, values, written, frame_time),
-        notes=_rate_notes(frame_time),
+        notes=(*renamed(hierarchy.names, joint_names), *hierarchy.notes, *_rate_notes(frame_time)),
     )
 
 

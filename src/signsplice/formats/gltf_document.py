@@ -10,7 +10,7 @@ import binascii
 import math
 import re
 import struct
-from collections.abc import Collection, Iterator, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -100,7 +100,7 @@ class Document:
         """Raise ``FormatError`` if the file needs another glTF version or an extension that is not read (glTF 2.0,
         sections 3.2 and 3.12).
         """
-        asset = self.json.get("asset") or {}
+        asset = self._field(self.json, "asset", {}, "the document")
         version, least = str(asset.get("version") or ""), str(asset.get("minVersion") or "2.0")
         if not version.startswith("2."):
             raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
@@ -131,30 +131,47 @@ class Document:
         return order
 
     def _field(self, fields: Fields, name: str, default: Any, where: str) -> Any:
-        """Return a property of an object, or ``default`` if it is absent or null.
+        """Return a property of an object, or ``default`` if it is absent or null; a type as default requires it.
 
         Raises ``FormatError`` if it has not the default's type: true is not a number, whole numbers begin at 0, a tuple
         stands for as many finite numbers.
         """
-        value = fields.get(name)
-        if value is None:
+        if not isinstance(fields, dict):
+            raise self._error(f"{where} is {shorten_json(fields)}, expected an object")
+        value: Any = fields.get(name)
+        kind = default if isinstance(default, type) else type(default)
+        if value is None and kind is not default:
             return default
         if isinstance(default, tuple):
             fits = isinstance(value, list) and len(value) == len(default)
             fits = fits and all(type(number) in (int, float) and abs(number) < math.inf for number in value)
             expected = f"{len(default)} finite numbers"
         else:
-            fits = type(value) is type(default) and not (isinstance(value, int) and value < 0)
-            expected = _TYPES[type(default)]
+            fits = type(value) is kind and not (isinstance(value, int) and value < 0)
+            expected = _TYPES[kind]
         if not fits:
-            raise self._error(f"{where}: {name} is {shorten_json(value)}, expected {expected}")
+            raise self._misfit(where, name, value, expected)
         return value
+
+    def _misfit(self, where: str, name: str, value: Any, expected: str) -> FormatError:
+        found = f"{where} has no {name}" if value is None else f"{where}: {name} is {shorten_json(value)}"
+        return self._error(f"{found}, expected {expected}")
+
+    def _choice(self, fields: Fields, name: str, choices: Mapping[Any, Any], where: str) -> Any:
+        """Return what stands for a property's value in a table. Raises ``FormatError`` if it is none of its keys."""
+        value = fields.get(name)
+        if type(value) not in (int, str) or value not in choices:
+            raise self._misfit(where, name, value, f"one of {', '.join(map(str, choices))}")
+        return choices[value]
 
     def _row(self, rows: Any, number: Any, what: str) -> Any:
         """Return a row of a table of the document. Raises ``FormatError`` if the number is out of range."""
-        if type(number) is not int or not 0 <= number < len(rows or []):
+        rows = rows if isinstance(rows, list) else []
+        if type(number) is not int or not 0 <= number < len(rows):
             kind = "node" if what == "joint" else "such"
-            raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows or [])}")
+            raise self._error(f"{what} {number!r:.20} is no {kind}, of {len(rows)}")
+        if not isinstance(rows[number], dict):
+            raise self._error(f"{what} {number} is {shorten_json(rows[number])}, expected an object")
         return rows[number]
 
     def _subtree(self, node: int) -> list[int]:
@@ -179,7 +196,9 @@ class Document:
         return self._arrays[number]
 
     def _read_values(self, accessor: Fields, number: int) -> FloatArray:
-        where, kind, width = f"accessor {number}", _COMPONENTS[accessor["componentType"]], _WIDTHS[accessor["type"]]
+        where = f"accessor {number}"
+        kind = self._choice(accessor, "componentType", _COMPONENTS, where)
+        width = self._choice(accessor, "type", _WIDTHS, where)
         count = self._field(accessor, "count", 0, where)
         stored = accessor.get("bufferView") is not None
         if not stored and accessor.get("sparse") is None:
@@ -199,19 +218,20 @@ class Document:
 
     def _replace_sparse(self, values: FloatArray, sparse: Fields, kind: type[np.generic], number: int) -> None:
         """Write the rows that a sparse accessor replaces into its ``values`` (N, width)."""
-        what, index = f"the sparse part of accessor {number}", sparse["indices"]
-        count = self._field(sparse, "count", 0, what)
+        what = f"the sparse part of accessor {number}"
+        count, index = self._field(sparse, "count", 0, what), self._field(sparse, "indices", dict, what)
         self.limits.check_memory(what, 8 * count * (values.shape[1] + 1), self.given_bytes, self.file)
-        rows = self._rows(index, _COMPONENTS[index["componentType"]], 1, count, what)[:, 0]
+        rows = self._rows(index, self._choice(index, "componentType", _COMPONENTS, what), 1, count, what)[:, 0]
         if rows.dtype.kind != "u" or rows.max() >= len(values):
             raise self._error(f"{what} names rows beyond its {len(values)}")
-        values[rows] = self._rows(sparse["values"], kind, values.shape[1], count, what)
+        values[rows] = self._rows(self._field(sparse, "values", dict, what), kind, values.shape[1], count, what)
 
     def _rows(self, place: Fields, kind: type[np.generic], width: int, count: int, what: str) -> NDArray[Any]:
         """Return a view of rows (count, width) of numbers in a buffer, at the view and offset that ``place`` names."""
-        view, dtype = self._row(self.json.get("bufferViews"), place["bufferView"], "bufferView"), np.dtype(kind)
-        where, size = f"bufferView {place['bufferView']}", width * dtype.itemsize
-        data, first = self._buffer(view["buffer"]), self._field(view, "byteOffset", 0, where)
+        number, dtype = place.get("bufferView"), np.dtype(kind)
+        view = self._row(self.json.get("bufferViews"), number, "bufferView")
+        where, size = f"bufferView {number}", width * dtype.itemsize
+        data, first = self._buffer(view.get("buffer")), self._field(view, "byteOffset", 0, where)
         start, stride = first + self._field(place, "byteOffset", 0, what), self._field(view, "byteStride", size, where)
         if view.get("byteStride") is not None and not 4 <= stride <= 252:
             raise self._error(f"{where}: byteStride is {stride}, expected 4 to 252")
@@ -220,11 +240,12 @@ class Document:
             raise self._error(f"{what} reaches beyond its {len(data)} bytes")
         return np.ndarray((count, width), dtype.newbyteorder("<"), data, start, (stride, dtype.itemsize))
 
-    def _buffer(self, number: int) -> bytes:
+    def _buffer(self, number: Any) -> bytes:
         """Return the bytes of a buffer: the binary chunk, a data URI, or a file in the same folder."""
-        uri = self._row(self.json.get("buffers"), number, "buffer").get("uri")
+        fields = self._row(self.json.get("buffers"), number, "buffer")
         if number not in self._buffers:
-            if uri is None:
+            uri = self._field(fields, "uri", "", f"buffer {number}")
+            if fields.get("uri") is None:
                 if number != 0:
                     raise self._error(f"buffer {number} has no data")
                 self._buffers[number] = self._blob
@@ -374,16 +395,19 @@ _THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProxim
 class SkeletonDocument(Document):
     """A document whose skeleton is being read.
 
+    notes: a line about joints whose names stand twice.
     scales: node -> scale (3,), of nodes whose scale an animation sets.
     skins: the document's skins, whose joints are nodes.
     """
 
     def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
         super().__init__(file, content, limits, folder)
+        self.notes: tuple[str, ...] = ()
         self.scales: dict[int, FloatArray] = {}
         self.skins: list[Fields] = self._field(self.json, "skins", [], "the document")
         for number, skin in enumerate(self.skins):
-            for joint in self._field(skin, "joints", [], f"skin {number}"):
+            joints: list[Any] = self._field(skin, "joints", list, f"skin {number}")
+            for joint in joints:
                 self._row(self.nodes, joint, "joint")
 
     def _humanoid(self) -> dict[str, int]:
@@ -393,14 +417,12 @@ class SkeletonDocument(Document):
         humanoid = self._field(self._field(extensions, name, {}, "extensions"), "humanoid", {}, name)
         bones = self._field(humanoid, "humanBones", [] if name == VRM_0 else {}, name)
         if name == VRM_0:
-            roles = {_role_of_vrm_0(bone["bone"]): bone["node"] for bone in bones}
-        else:
-            roles = {role: bone["node"] for role, bone in bones.items()}
-        roles = {role: node for role, node in roles.items() if role in ROLES}
-        if len(set(roles.values())) < len(roles):
-            raise self._error("its humanoid has one node in two roles")
+            bones = {_role_of_vrm_0(self._field(bone, "bone", str, "a bone of the humanoid")): bone for bone in bones}
+        roles = {role: self._field(bones, role, dict, "the humanoid").get("node") for role in bones if role in ROLES}
         for node in roles.values():
             self._row(self.nodes, node, "joint")
+        if len(set(roles.values())) < len(roles):
+            raise self._error("its humanoid has one node in two roles")
         return roles
 
     def _joint_order(self, joints: Set[int], animated: Collection[int] = ()) -> list[int]:
@@ -426,7 +448,10 @@ class SkeletonDocument(Document):
         """
         rows = {node: k for k, node in enumerate(order)}
         parents = np.array([rows.get(self.parents.get(node, -1), -1) for node in order])
-        return rows, parents, unique([printable(self.nodes[node].get("name"), f"node {node}") for node in order])
+        stored_names = [printable(self.nodes[node].get("name"), f"node {node}") for node in order]
+        names = unique(stored_names)
+        self.notes = renamed(stored_names, names)
+        return rows, parents, names
 
     def _bind_matrices(self, skin: Fields) -> FloatArray | None:
         """Return a skin's inverse bind matrices (B, 4, 4), from mesh to joint axes; None if it has none."""
@@ -532,8 +557,15 @@ def printable(name: Any, otherwise: str) -> str:
     return (name.encode("utf-8", "replace").decode() if isinstance(name, str) else "") or otherwise
 
 
-def unique(names: Sequence[str]) -> list[str]:
-    """Make names unique: a repeated name gets a number."""
+def renamed(names: Sequence[str], new_names: Sequence[str]) -> tuple[str, ...]:
+    """Return a line with the new names of joints whose names stood twice; none if there are none."""
+    changed = [f"{new!r:.80}" for name, new in zip(names, new_names, strict=True) if name != new]
+    more = f" and {len(changed) - _NAMED} more" if len(changed) > _NAMED else ""
+    return (f"joint names that stand twice get a number: {', '.join(changed[:_NAMED])}{more}",) if changed else ()
+
+
+def unique(names: Sequence[str], separator: str = " ") -> list[str]:
+    """Make names unique: a repeated name gets a number, after a separator."""
     unique_names: list[str] = []
     taken, used = set(names), set()
     numbers: dict[str, Iterator[int]] = {}
@@ -541,7 +573,7 @@ def unique(names: Sequence[str]) -> list[str]:
         candidate = name
         if name in used:
             counter = numbers.setdefault(name, count(2))
-            candidate = next(numbered for n in counter if (numbered := f"{name} {n}") not in taken)
+            candidate = next(numbered for n in counter if (numbered := f"{name}{separator}{n}") not in taken)
             taken.add(candidate)
         used.add(candidate)
         unique_names.append(candidate)

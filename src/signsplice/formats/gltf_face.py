@@ -30,6 +30,7 @@ from signsplice.formats.gltf_document import (
     sample,
 )
 from signsplice.formats.gltf_writer import DocumentWriter
+from signsplice.formats.json_files import as_object
 from signsplice.formats.reading import NO_LIMITS
 from signsplice.motion import Clip, FloatArray, rotation
 from signsplice.motion.face import (
@@ -63,9 +64,9 @@ def face_controls(file: SkeletonDocument) -> tuple[tuple[FaceControl, ...], dict
     nodes_of: dict[int, list[int]] = {}
     counts: dict[int, int] = {}
     for node, fields in enumerate(file.nodes):
-        mesh = fields.get("mesh")
-        primitives = _rows(_rows(file.json.get("meshes"))[mesh].get("primitives")) if mesh is not None else []
-        if mesh is not None and primitives and primitives[0].get("targets"):
+        mesh: Any = fields.get("mesh")
+        primitives = [] if mesh is None else _rows(file._row(file.json.get("meshes"), mesh, "mesh").get("primitives"))
+        if primitives and file._field(primitives[0], "targets", [], f"a primitive of mesh {mesh}"):
             nodes_of.setdefault(mesh, []).append(node)
             counts[node] = len(primitives[0]["targets"])
     targets = tuple(_targets(file.json, nodes_of))
@@ -123,38 +124,34 @@ def _targets(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceC
     binds: dict[str, list[tuple[int, int, float]]] = {}
     for mesh, nodes in nodes_of.items():
         fields = document["meshes"][mesh]
-        names = (fields.get("extras") or {}).get("targetNames")
-        names = names or (fields["primitives"][0].get("extras") or {}).get("targetNames") or ()
-        for index, name in enumerate(names):
+        names = as_object(fields.get("extras")).get("targetNames")
+        names = names or as_object(fields["primitives"][0].get("extras")).get("targetNames")
+        for index, name in enumerate(_rows(names)):
             binds.setdefault(str(name), []).extend((node, index, 1.0) for node in nodes)
     return (FaceControl(name, tuple(rows)) for name, rows in binds.items())
 
 
 def _expressions(document: Fields, nodes_of: dict[int, list[int]]) -> Iterator[FaceControl]:
-    extensions = document.get("extensions") or {}
-    expressions = (extensions.get(VRM_1) or {}).get("expressions") or {}
+    extensions = as_object(document.get("extensions"))
+    expressions = as_object(as_object(extensions.get(VRM_1)).get("expressions"))
     for kind in ("preset", "custom"):
-        for name, row in (expressions.get(kind) or {}).items():
-            binds = ((b["node"], b["index"], float(b.get("weight", 1.0))) for b in _rows(row.get("morphTargetBinds")))
+        for name, row in as_object(expressions.get(kind)).items():
+            rows = map(as_object, _rows(as_object(row).get("morphTargetBinds")))
+            binds = ((b["node"], b["index"], float(b.get("weight", 1.0))) for b in rows)
             yield FaceControl(name, tuple(binds))
-    groups = ((extensions.get(VRM_0) or {}).get("blendShapeMaster") or {}).get("blendShapeGroups")
-    for row in _rows(groups) if VRM_1 not in extensions else ():
+    groups = as_object(as_object(extensions.get(VRM_0)).get("blendShapeMaster")).get("blendShapeGroups")
+    for row in map(as_object, _rows(groups)) if VRM_1 not in extensions else ():
         preset = row.get("presetName")
-        name = preset if preset not in (None, "", "unknown") else row.get("name")
+        name = str(preset if preset not in (None, "", "unknown") else row.get("name"))
         binds = (
             (node, b["index"], float(b.get("weight", 100.0)) / 100.0)
-            for b in _rows(row.get("binds"))
+            for b in map(as_object, _rows(row.get("binds")))
             for node in nodes_of.get(b["mesh"], ())
         )
-        yield FaceControl(str(name), tuple(binds))
+        yield FaceControl(name, tuple(binds))
 
 
-def as_object(value: Any) -> Fields:
-    """Return a JSON value if it is an object, else an empty one."""
-    return value if isinstance(value, dict) else {}
-
-
-def _rows(value: Any) -> list[Fields]:
+def _rows(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
@@ -183,7 +180,7 @@ class FaceReader(SkeletonDocument):
             elif path == "weights":
                 names = target_names(self.json, node)
             if any(shape_of(name) is not None for name in names):
-                values = self._weights(animation, channel["sampler"], times, fps)
+                values = self._weights(animation, channel.get("sampler"), times, fps)
                 n_bytes += values.nbytes
                 self.limits.check_memory("weights of a face", n_bytes, self.given_bytes, self.file)
                 for name, track in zip(names, values.T, strict=False):  # of a translation X holds the weight
@@ -202,7 +199,7 @@ class FaceReader(SkeletonDocument):
         coefficients: dict[str, FloatArray] = {}
         for channel in animation["channels"]:
             if channel["target"]["path"] == "rotation" and channel["target"].get("node") == fields.get("node", -1):
-                quats = self._weights(animation, channel["sampler"], times, fps)
+                quats = self._weights(animation, channel.get("sampler"), times, fps)
                 if quats.shape[1] != 4 or not np.abs(quats).sum(axis=1).all():
                     raise self._error("its look-at is no rotation")
                 at_most = as_object(fields.get("extras")).get(_AT_MOST)
@@ -234,10 +231,10 @@ class FaceReader(SkeletonDocument):
         order = sorted(range(len(names)), key=lambda k: ARKIT_CHANNELS.index(names[k]))
         return replace(clip, face=Face(tuple(names[k] for k in order), values[:, order]))
 
-    def _weights(self, animation: Fields, number: int, times: FloatArray, fps: float) -> FloatArray:
+    def _weights(self, animation: Fields, number: Any, times: FloatArray, fps: float) -> FloatArray:
         """Sample the values (T, N) of N targets, or of a translation or rotation."""
-        sampler = self._row(animation["samplers"], number, "sampler")
-        key_times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+        sampler = self._row(animation.get("samplers"), number, "sampler")
+        key_times, values = self._values(sampler.get("input"))[:, 0], self._values(sampler.get("output"))
         interpolation = sampler.get("interpolation", INTERPOLATIONS[0])
         per_key = 3 if interpolation == "CUBICSPLINE" else 1
         width, rest = divmod(values.size, max(1, per_key * len(key_times)))

@@ -16,6 +16,7 @@ from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
+from signsplice.formats.json_files import as_object
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
 
@@ -174,8 +175,9 @@ class MeshReader(SkeletonDocument):
         if mesh not in self._triangles_of:
             self._triangles_of[mesh] = [
                 primitive
-                for primitive in self.json["meshes"][mesh]["primitives"]
-                if primitive.get("mode", _TRIANGLES) == _TRIANGLES and primitive.get("indices") is not None
+                for primitive in self._field(self.json["meshes"][mesh], "primitives", list, f"mesh {mesh}")
+                if self._field(primitive, "mode", _TRIANGLES, f"a primitive of mesh {mesh}") == _TRIANGLES
+                and primitive.get("indices") is not None
             ]
         return self._triangles_of[mesh]
 
@@ -225,17 +227,17 @@ class MeshReader(SkeletonDocument):
     @cached_property
     def _springs(self) -> set[int]:
         """The nodes moved by springs."""
-        extensions = self.json.get("extensions") or {}
-        springs = (extensions.get("VRMC_springBone") or {}).get("springs") or ()
-        nodes = {joint["node"] for spring in springs for joint in spring.get("joints") or ()}
-        groups = ((extensions.get(VRM_0) or {}).get("secondaryAnimation") or {}).get("boneGroups") or ()
-        return nodes | {bone for group in groups for bone in group.get("bones") or ()}
+        extensions = as_object(self.json.get("extensions"))
+        springs = as_object(extensions.get("VRMC_springBone")).get("springs") or ()
+        nodes = {joint["node"] for spring in springs for joint in as_object(spring).get("joints") or ()}
+        groups = as_object(as_object(extensions.get(VRM_0)).get("secondaryAnimation")).get("boneGroups") or ()
+        return nodes | {bone for group in groups for bone in as_object(group).get("bones") or ()}
 
     def _material(self, primitive: Fields) -> tuple[str, tuple[float, float, float]]:
         """Return name and colour, sRGB 0 to 1, of a primitive's material."""
         number = primitive.get("material")
         material = {} if number is None else self._row(self.json.get("materials"), number, "material")
-        factor = (material.get("pbrMetallicRoughness") or {}).get("baseColorFactor") or [1.0] * 4
+        factor = as_object(material.get("pbrMetallicRoughness")).get("baseColorFactor") or [1.0] * 4
         linear = np.clip(np.array(factor[:3], np.float64).reshape(3), 0.0, 1.0)
         red, green, blue = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).tolist()
         return str(material.get("name")), (red, green, blue)

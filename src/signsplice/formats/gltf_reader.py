@@ -31,8 +31,8 @@ from signsplice.formats.gltf_document import (
     sample,
     to_rest_axes,
 )
-from signsplice.formats.gltf_face import FaceReader, as_object, target_names, vrm_expressions
-from signsplice.formats.json_files import shorten_json
+from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
+from signsplice.formats.json_files import as_object, shorten_json
 from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import shape_of
@@ -58,9 +58,10 @@ class _AnimationReader(FaceReader):
     """A document whose animation is being read."""
 
     def clip(self) -> Clip:
-        if not self.json.get("animations"):
+        animations = self._field(self.json, "animations", [], "the document")
+        if not animations:
             raise self._error(f"holds no animation, expected an animated skeleton; {_AVATAR}")
-        animation = self.json["animations"][0]
+        animation = self._row(animations, 0, "animation")
         targets = self._targets(animation)
         joints, roles = self._joints(targets)
         order = self._joint_order(joints, {node for node, _ in targets})
@@ -109,7 +110,7 @@ class _AnimationReader(FaceReader):
             name=printable(animation.get("name"), stem(self.file)),
             translations=translations if stretches else None,
             left_out=left_out(self.json, animation),
-            notes=_notes(self.json["animations"]),
+            notes=(*_notes(self.json["animations"]), *self.notes),
             face=self._face(animation, times, fps),
         )
         return self._with_bones(clip)
@@ -123,9 +124,10 @@ class _AnimationReader(FaceReader):
 
     def _targets(self, animation: Fields) -> dict[tuple[int, str], int]:
         """Return (node, "rotation", "translation" or "scale") -> number of its sampler."""
-        samplers: dict[tuple[int, str], int] = {}
-        for number, channel in enumerate(animation["channels"]):
-            node, path = channel["target"].get("node"), channel["target"]["path"]
+        samplers: dict[tuple[int, str], Any] = {}
+        for number, channel in enumerate(self._field(animation, "channels", list, "animation 0")):
+            target = self._field(channel, "target", dict, f"channel {number}")
+            node, path = target.get("node"), target.get("path")
             if path not in _PATHS:
                 expected = ", ".join(_PATHS)
                 raise self._error(f"channel {number}: target.path is {shorten_json(path)}, expected one of {expected}")
@@ -133,7 +135,7 @@ class _AnimationReader(FaceReader):
                 self._row(self.nodes, node, "joint")
                 if (node, path) in samplers:
                     raise self._error(f"channel {number}: {path} of node {node} is animated twice; leave one out")
-                samplers[node, path] = channel["sampler"]
+                samplers[node, path] = channel.get("sampler")
         if not any(path != "scale" for _, path in samplers):
             raise self._error(f"animates no node's rotation or position, expected an animated skeleton; {_AVATAR}")
         return samplers
@@ -142,8 +144,8 @@ class _AnimationReader(FaceReader):
         """Return the keys of rotations and translations; stores constant scales in ``scales``."""
         channels, total = {}, 0
         for (node, path), number in targets.items():
-            sampler = self._row(animation["samplers"], number, "sampler")
-            times, values = self._values(sampler["input"])[:, 0], self._values(sampler["output"])
+            sampler = self._row(animation.get("samplers"), number, "sampler")
+            times, values = self._values(sampler.get("input"))[:, 0], self._values(sampler.get("output"))
             total += values.nbytes  # counted for each channel, even if channels share them
             self.limits.check_memory("keys", total, self.given_bytes, self.file)
             interpolation = self._field(sampler, "interpolation", "LINEAR", f"{path} of node {node}")

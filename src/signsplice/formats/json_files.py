@@ -51,6 +51,11 @@ def _reject_constant(constant: str) -> None:
     raise ValueError(f"{constant} is no number of JSON")
 
 
+def as_object(value: Any) -> dict[str, Any]:
+    """Return a JSON value if it is an object, else an empty one."""
+    return value if isinstance(value, dict) else {}
+
+
 def shorten_json(value: Any) -> str:
     """Shorten a JSON value to at most 120 characters, for a message."""
     text = abridged(value)

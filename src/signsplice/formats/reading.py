@@ -7,13 +7,15 @@ from __future__ import annotations
 import math
 import os
 import stat
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from signsplice.errors import FormatError, InputError, LimitError
+from signsplice.errors import FormatError, InputError, LimitError, MissingExtraError
 
 if TYPE_CHECKING:
     from signsplice.motion import Clip
@@ -141,10 +143,23 @@ def open_file(path: str | Path) -> Iterator[tuple[BinaryIO, int]]:
         raise InputError(f"{str(path)!r}: cannot be read ({error})") from error
 
 
+_PLAIN = (
+    (KeyError, "it has no {0!r:.80}"),
+    (IndexError, "a number in it names what is not there"),
+    (RecursionError, "it nests too deeply"),
+    (UnicodeError, "a text in it is not {0}"),
+    ((struct.error, zlib.error, EOFError), "it is damaged or cut short"),
+    (Exception, "its content does not fit together"),
+)
+"""Kind of error of Python itself -> what it means for the file; {0} is the error's first argument."""
+_FAULTS = (AttributeError, ImportError, MemoryError, MissingExtraError, NameError)
+"""Errors of the program, its installation or the machine, whatever a file holds."""
+
+
 @contextmanager
 def format_errors(file: str, kind: str) -> Iterator[None]:
-    """Turn any error within the block into a ``FormatError`` that names ``file`` and says that it is no valid ``kind``;
-    the original error is its ``__cause__``.
+    """Turn an error within the block into a ``FormatError`` that names ``file`` and says that it is no valid ``kind``;
+    the original error is its ``__cause__``. Errors that no file causes pass through: ``_FAULTS``.
 
     Parsers and their libraries fail on broken files in more ways than any list of errors covers.
     """
@@ -157,15 +172,19 @@ def format_errors(file: str, kind: str) -> Iterator[None]:
 
 
 def as_format_error(error: Exception, file: str, kind: str) -> FormatError:
-    """Convert an error as ``format_errors`` does; returns a ``FormatError`` unchanged."""
+    """Convert an error as ``format_errors`` does; returns a ``FormatError`` unchanged, and raises one of ``_FAULTS``.
+
+    Errors of this package and of libraries say what is wrong; those of Python are written for programmers.
+    """
+    if isinstance(error, _FAULTS):
+        raise error
     if isinstance(error, FormatError):
         return error
-    if isinstance(error, InputError):
-        return FormatError(f"is no valid {kind} ({error})", file=file)
-    if isinstance(error, MemoryError):
-        return FormatError("needs more memory than there is", file=file)
     reason = (str(error).splitlines() or [""])[0][:200]
-    return FormatError(f"is no valid {kind} ({type(error).__name__}{': ' if reason else ''}{reason})", file=file)
+    if not reason or type(error).__module__ in ("builtins", "struct", "zlib"):
+        text = next(text for kinds, text in _PLAIN if isinstance(error, kinds))
+        reason = text.format(*(error.args or ("such part",)))
+    return FormatError(f"is no valid {kind} ({reason})", file=file)
 
 
 def stem(file: str) -> str:

@@ -90,11 +90,13 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
     roots = next((arrays[key] for key in _TRANS if key in arrays), np.zeros((len(poses), 3)))
     rates = [key for key in _RATES if key in arrays]
     notes = [] if rates else [f"it names no frame rate: {_USUAL_FPS:g} fps is taken"]
+    if len(poses) == 1:
+        notes = ["it holds one frame; join the files of a recording into arrays of (frames, numbers), in one file"]
     notes += [f"{key} is not read: bones have this project's lengths" for key in ("betas",) if _is_used(arrays, key)]
     return Clip(
         bones,
         rotation.exp(_check_array("poses", poses, poses.shape).reshape(len(poses), -1, 3)),
-        _check_array("trans", roots, (len(poses), 3)),
+        _part("trans", roots, len(poses), 3),
         float(arrays[rates[0]]) if rates and arrays[rates[0]].ndim == 0 else _USUAL_FPS,
         name,
         left_out=tuple(key for key in _NOT_READ if key != "betas" and _is_used(arrays, key)),
@@ -133,30 +135,46 @@ def _whole_poses(arrays: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
     """Return poses (T, 165 or 156) of an archive that holds them whole or in parts; missing parts are at rest."""
     for key in _POSES:
         if key in arrays:
-            if arrays[key].ndim != 2 or arrays[key].shape[1] not in N_NUMBERS:
+            poses = np.atleast_2d(arrays[key])
+            if poses.ndim != 2 or poses.shape[1] not in N_NUMBERS:
                 raise InputError(
                     f"{key} has shape {arrays[key].shape}, expected (T, 165) of SMPL-X or (T, 156) of SMPL-H"
                 )
-            return arrays[key]
-    n_frames = len(next(arrays[name] for name in _PARTS[1][1] if name in arrays))
+            return poses
+    body = next(arrays[name] for name in _PARTS[1][1] if name in arrays)
+    n_frames = 1 if body.ndim < 2 or body.shape == (21, 3) else len(body)
     parts: list[NDArray[Any]] = []
     for number, (size, names) in enumerate(_PARTS):
         key = next((name for name in names if name in arrays), "")
         joined = next((name for name, (a, b) in _JOINED.items() if a <= number < b and name in arrays), "")
         if key:
-            parts.append(_check_array(key, arrays[key].reshape(n_frames, -1), (n_frames, size)))
+            parts.append(_part(key, arrays[key], n_frames, size))
         elif joined:
             first, stop = _JOINED[joined]
-            joined_poses = _check_array(joined, arrays[joined].reshape(n_frames, -1), (n_frames, size * (stop - first)))
+            joined_poses = _part(joined, arrays[joined], n_frames, size * (stop - first))
             parts.append(joined_poses[:, size * (number - first) : size * (number - first + 1)])
         else:
             parts.append(np.zeros((n_frames, size)))
     return np.concatenate(parts, axis=1)
 
 
+def _part(name: str, values: NDArray[Any], n_frames: int, size: int) -> FloatArray:
+    """Return values (T, size) of an array of T frames; of one frame, the array may have any shape of ``size`` numbers.
+
+    OSX and SMPLer-X write a file for each frame, with arrays (3,) and (63,), or (1, 3) and (21, 3).
+    """
+    if values.size == n_frames * size and (n_frames == 1 or len(values) == n_frames):
+        values = values.reshape(n_frames, size)
+    return _check_array(name, values, (n_frames, size))
+
+
 def _check_array(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     if values.shape != shape:
-        what = "; hands in PCA need the licensed model" if values.ndim == 2 and shape[1] == 45 else ""
+        what = (
+            "; hands in PCA need the licensed model"
+            if shape[1] == 45 and values.shape[-1:] not in ((45,), (3,))
+            else ""
+        )
         raise InputError(f"{name} has shape {values.shape}, expected {shape}{what}")
     if not np.isfinite(values).all():
         raise InputError(f"{name}: a number is not finite")
