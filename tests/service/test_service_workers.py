@@ -37,6 +37,7 @@ from signsplice.service import work
 from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import StreamSession
+from signsplice.service.turns import Turns
 from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.workers import BusyError, Worker, WorkerLostError
 
@@ -56,16 +57,16 @@ class SlowProcess:
     def post(self, job: Callable[..., Any], *args: object) -> None: ...
 
 
-@pytest.mark.parametrize("for_streams", [False, True])
+@pytest.mark.parametrize("is_quick", [False, True])
 def test_a_worker_is_warmed_by_whatever_words_its_lexicon_has(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: dict[str, Clip], for_streams: bool
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: dict[str, Clip], is_quick: bool
 ) -> None:
     with building(tmp_path / "two") as builder:
         for gloss in ("SIGN", "DEAF"):
             builder.add(words[gloss], gloss)
     state = work._WorkerState(Settings(lexicons=(str(tmp_path / "two"),)))
     monkeypatch.setattr(work, "_worker", state, raising=False)
-    work.warm_up(for_streams)
+    work.warm_up(is_quick)
     assert state.clip.cache_info().currsize == 2
     assert not state.streams
 
@@ -73,8 +74,14 @@ def test_a_worker_is_warmed_by_whatever_words_its_lexicon_has(
 class FakeWorker:
     """The place of a process."""
 
+    spent, is_ready = 0.0, True
+
     def __init__(self, process: object) -> None:
         self.process = process
+
+    async def recover(self) -> None: ...
+
+    def abandon(self) -> None: ...
 
     async def begin(self, job: Callable[..., Any], *args: object) -> tuple[object, None]:
         return self.process, None
@@ -83,7 +90,7 @@ class FakeWorker:
 def session(socket: FakeSocket, process: object, **limits: float) -> StreamSession:
     """The session of a fake client with a fake process."""
     metrics = Metrics(lambda: 0, lambda: 0)
-    return StreamSession(socket, Settings(**limits), FakeWorker(process), metrics)  # type: ignore[arg-type]
+    return StreamSession(socket, Settings(**limits), Turns(), FakeWorker(process), metrics)  # type: ignore[arg-type]
 
 
 def test_a_stream_is_not_idle_while_the_service_works() -> None:
@@ -266,7 +273,7 @@ def runner() -> Iterator[asyncio.Runner]:
 @pytest.fixture(scope="module")
 def worker(runner: asyncio.Runner) -> Iterator[Worker]:
     async def start() -> Worker:
-        worker = Worker(Settings(), for_streams=True)
+        worker = Worker(Settings(), is_quick=True)
         await worker.run(os.getpid)
         return worker
 
@@ -341,7 +348,7 @@ from signsplice.service.settings import Settings
 from signsplice.service.workers import Worker
 
 async def work():
-    worker = Worker(Settings(), for_streams=True)
+    worker = Worker(Settings(), is_quick=True)
     print(await worker.run(os.getpid), flush=True)
     await worker.run(time.sleep, 300.0)
 

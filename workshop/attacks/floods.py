@@ -1,24 +1,32 @@
-"""Floods the service by one connection or many, and measures honest callers: `python attacks/floods.py [NAME ...]`.
+"""Floods the service by one connection or many, or by work, and measures honest callers: `python attacks/floods.py
+[NAME ...]`.
 
-During every flood four paced streams are open and /healthz is asked ten times a second. All run on this machine, the
-attacker in its own process, with equal priority. Prints a row of a Markdown table for each.
+Before and during every flood four paced streams are open, /healthz is asked ten times a second, and another client
+asks for HELLO and for streams. All run on this machine, the attacker in its own process, with equal priority. Prints a
+row of a Markdown table for each.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import multiprocessing
 import os
 import socket
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from urllib.parse import urlsplit
 
-from service_callers import CallerRecord, play_paced_stream, start_service, watch_health
+from websockets.exceptions import ConnectionClosed, InvalidMessage
+from websockets.sync.client import connect
+
+from service_callers import WORDS, CallerRecord, call_again, play_paced_stream, start_service, watch_health
 
 _SECONDS = 10.0
 """Greatest length of a flood, s."""
@@ -150,6 +158,105 @@ def _flood_repeatedly(host: str, port: int, deadline: float) -> str:
     return f"{n_connections} connections, one after another"
 
 
+def _make_post(glosses: Sequence[str], file: str) -> bytes:
+    body = json.dumps({"glosses": list(glosses)}).encode()
+    head = f"POST /v1/sentence?file={file} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    return head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
+
+
+def _ask_at_once(request: bytes, n: int = 32) -> Flood:
+    """Asks for the same on so many connections of one other address, again after each answer."""
+
+    def ask(host: str, port: int, deadline: float) -> list[str]:
+        outcomes: list[str] = []
+        while (remaining := deadline - time.monotonic()) > 0.0:
+            try:
+                with socket.create_connection((host, port), remaining, ("127.0.0.2", 0)) as connection:
+                    connection.sendall(request)
+                    outcomes.append(connection.recv(12)[9:].decode() or "closed")
+                    time.sleep(0.05)
+            except OSError as error:
+                outcomes.append("no answer" if isinstance(error, TimeoutError) else "closed")
+        return outcomes
+
+    def flood(host: str, port: int, deadline: float) -> str:
+        with ThreadPoolExecutor(n) as pool:
+            calls = [pool.submit(ask, host, port, deadline) for _ in range(n)]
+            counts = Counter(outcome for call in calls for outcome in call.result())
+        forgotten = _time_until_forgotten(host, port)
+        return ", ".join(f"{count} times {outcome}" for outcome, count in counts.items()) + f"; {forgotten}"
+
+    return flood
+
+
+def _time_until_forgotten(host: str, port: int) -> str:
+    """Returns how long requests remain that nobody waits for any more; HELLO of others is one at a time at most."""
+    start = time.monotonic()
+    while time.monotonic() - start < 60.0:
+        with socket.create_connection((host, port), timeout=10.0) as connection:
+            connection.sendall(_make_request_head() + b"Connection: close\r\n\r\n")
+            answer = b""
+            while part := connection.recv(4096):
+                answer += part
+        if json.loads(answer.partition(b"\r\n\r\n")[2])["waiting"] <= 1:
+            return f"forgotten after {time.monotonic() - start:.1f} s"
+        time.sleep(0.02)
+    return "held after 60 s"
+
+
+def _hang_up_at_once(addresses: Sequence[str], *requests: bytes) -> Flood:
+    """Opens 16 connections that send requests and hang up, whenever the last ones are forgotten."""
+
+    def flood(host: str, port: int, deadline: float) -> str:
+        outcomes = []
+        while time.monotonic() < deadline:
+            connections = []
+            for k in range(16):
+                source = (addresses[k % len(addresses)], 0)
+                connections.append(socket.create_connection((host, port), timeout=10.0, source_address=source))
+                connections[-1].sendall(b"".join(requests))
+            time.sleep(0.5)
+            for connection in connections:
+                connection.close()
+            outcomes.append(_time_until_forgotten(host, port))
+        return f"{len(outcomes)} times 16, {max(outcomes)}"
+
+    return flood
+
+
+def _stream_at_once(words: Sequence[str], n: int = 50) -> Flood:
+    """Reads so many unpaced streams of one other address, and opens the next one when one is done."""
+
+    def read(uri: str, deadline: float) -> int:
+        n_frames = 0
+        while time.monotonic() < deadline:
+            with (
+                suppress(ConnectionClosed, InvalidMessage, OSError, TimeoutError),
+                connect(uri, compression=None, max_size=None, source_address=("127.0.0.2", 0)) as stream,
+            ):
+                stream.send('{"type": "open", "paced": false}')
+                for k in range(30):
+                    stream.send(json.dumps({"type": "word", "gloss": words[k % len(words)]}))
+                stream.send('{"type": "end"}')
+                while time.monotonic() < deadline:
+                    message = stream.recv(timeout=10.0)
+                    n_frames += int.from_bytes(message[8:12], "little") if isinstance(message, bytes) else 0
+        return n_frames
+
+    def flood(host: str, port: int, deadline: float) -> str:
+        with ThreadPoolExecutor(n) as pool:
+            calls = [pool.submit(read, f"ws://{host}:{port}/v1/stream", deadline) for _ in range(n)]
+            return f"{sum(call.result() for call in calls)} frames"
+
+    return flood
+
+
+_FILM, _SENTENCE = _make_post(WORDS * 7, "gif"), _make_post(WORDS * 4, "bvh")
+_FORMS = [
+    f"{subject}-{verb}-{thing}" for verb in ("GIVE", "ASK") for subject, thing in ((1, 2), (2, 1), (1, 3), (3, 1))
+]
+_ADDRESSES = [f"127.0.0.{k}" for k in range(2, 18)]
+
 FLOODS: dict[str, Flood] = {
     "none": lambda host, port, deadline: "",
     "endless header value": _flood_request(_make_request_head() + b"X: ", b"a"),
@@ -175,6 +282,17 @@ FLOODS: dict[str, Flood] = {
     "slow trailer": _drip_request(_CHUNKED + b"0\r\n", b"X: a\r\n"),
     "many connections": _open_many_connections,
     "flood after flood": _flood_repeatedly,
+    "32 films of 160 glosses": _ask_at_once(_make_post((WORDS * 23)[:160], "gif")),
+    "32 films of 49 glosses": _ask_at_once(_FILM),
+    "32 sheets of 49 glosses": _ask_at_once(_make_post(WORDS * 7, "png")),
+    "32 sentences of 28 glosses": _ask_at_once(_SENTENCE),
+    "32 sentences of forms": _ask_at_once(_make_post(_FORMS, "bvh")),
+    "films, clients hang up": _hang_up_at_once(["127.0.0.2"], _FILM),
+    "films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM),
+    "pipelined films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM, _FILM, _FILM),
+    "sentences, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _SENTENCE),
+    "50 unpaced streams": _stream_at_once(WORDS),
+    "50 unpaced streams of forms": _stream_at_once(_FORMS),
 }
 
 
@@ -182,23 +300,24 @@ def _attack(name: str, host: str, port: int, deadline: float, sender: Connection
     sender.send(FLOODS[name](host, port, deadline))
 
 
-async def _measure_flood(address: str, name: str) -> tuple[CallerRecord, str]:
-    """Returns what honest callers saw during a flood, and what the attacker did."""
+async def _measure_flood(address: str, name: str) -> tuple[str, str]:
+    """Returns what honest callers saw before and during a flood, and what the attacker did."""
     url = urlsplit(address)
     receiver, sender = multiprocessing.get_context("spawn").Pipe()
-    start = time.monotonic() + 3.0  # the attacker's process and the streams start
+    start = time.monotonic() + 5.0  # the attacker's process and the streams start
     end = start + _SECONDS
     record = CallerRecord()
     arguments = (name, url.hostname, url.port, end, sender)
     attacker = multiprocessing.get_context("spawn").Process(target=_attack_at, args=(start, *arguments), daemon=True)
     attacker.start()
     callers = [play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
-    await asyncio.gather(*callers, watch_health(address, record, end + _REST_S))
+    callers += [watch_health(address, record, end + _REST_S), call_again(address, record, end + _REST_S)]
+    await asyncio.gather(*callers)
     attacker_outcome = (
-        await asyncio.to_thread(receiver.recv) if await asyncio.to_thread(receiver.poll, 10.0) else "the attacker hangs"
+        await asyncio.to_thread(receiver.recv) if await asyncio.to_thread(receiver.poll, 70.0) else "the attacker hangs"
     )
     attacker.kill()
-    return record, attacker_outcome
+    return record.row(start, end), attacker_outcome
 
 
 def _attack_at(start: float, *arguments: object) -> None:
@@ -213,10 +332,9 @@ def main(names: list[str]) -> None:
     print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
     for name in names or FLOODS:
         with start_service() as (address, _):
-            warm_up_record = CallerRecord()
-            asyncio.run(play_paced_stream(address, warm_up_record, time.monotonic() + 6.0))  # workers start
-            record, attacker_outcome = asyncio.run(_measure_flood(address, name))
-            print(f"| {name} | {record.row()}; the attacker: {attacker_outcome or '-'} |", flush=True)
+            asyncio.run(watch_health(address, CallerRecord(), 0.0))  # returns once workers have started
+            seen, attacker_outcome = asyncio.run(_measure_flood(address, name))
+            print(f"| {name} | {seen}; the attacker: {attacker_outcome or '-'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import IO
 
 import httpx
@@ -56,23 +57,37 @@ class CallerRecord:
 
     health: seconds that each call of /healthz took; a failed call counts as its time limit.
     late: delay of each paced frame, seconds by the clock that the stream's earliest frame sets.
+    posts, first_frames: start of each sentence and stream of another client, by ``time.monotonic``, and the seconds to
+        its answer or first frame.
     faults: failures.
     """
 
     health: list[float] = field(default_factory=list)
     late: list[float] = field(default_factory=list)
+    posts: list[tuple[float, float]] = field(default_factory=list)
+    first_frames: list[tuple[float, float]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
 
-    def row(self) -> str:
-        """Returns the worst and the 99th percentile, in words."""
+    def row(self, start: float, end: float) -> str:
+        """Returns the worst and the 99th percentile, and medians before and within an attack, in words."""
         late = sorted(self.late)
         p99 = late[int(0.99 * len(late))] if late else float("nan")
         worst = late[-1] if late else float("nan")
         faults = "; " + ", ".join(sorted(set(self.faults))) if self.faults else ""
         return (
             f"/healthz at most {1e3 * max(self.health, default=float('nan')):.0f} ms of {len(self.health)} calls; "
-            f"{len(late)} frames, late p99 {1e3 * p99:.0f} ms, worst {1e3 * worst:.0f} ms{faults}"
+            f"{len(late)} frames, late p99 {1e3 * p99:.0f} ms, worst {1e3 * worst:.0f} ms; "
+            f"HELLO {_compare(self.posts, start, end)}; first frame {_compare(self.first_frames, start, end)}{faults}"
         )
+
+
+def _compare(calls: list[tuple[float, float]], start: float, end: float) -> str:
+    """Returns the median before an attack, and median and worst of calls within it."""
+    quiet = [1e3 * seconds for begin, seconds in calls if begin + seconds < start]
+    attacked = [1e3 * seconds for begin, seconds in calls if start + 0.5 < begin < end]
+    if not (quiet and attacked):
+        return f"{len(quiet)} quiet, {len(attacked)} attacked"
+    return f"{median(quiet):.0f} ms quiet, {median(attacked):.0f} (at most {max(attacked):.0f}) of {len(attacked)}"
 
 
 def get_stream_address(address: str) -> str:
@@ -130,3 +145,32 @@ async def play_paced_stream(address: str, record: CallerRecord, deadline: float,
     except (ConnectionClosed, OSError, TimeoutError) as error:
         record.faults.append(f"a stream ended: {type(error).__name__}")
     record.late += [start - min(starts) for start in starts]
+
+
+async def call_again(address: str, record: CallerRecord, deadline: float, pause: float = 0.1) -> None:
+    """Asks for HELLO, then for a stream of two words, by turns until a time of ``time.monotonic``."""
+    async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=httpx.Limits(keepalive_expiry=1.0)) as client:
+        while (await client.get("/healthz")).status_code == 503:
+            await asyncio.sleep(0.1)
+        while time.monotonic() < deadline:
+            try:
+                start = time.monotonic()
+                answer = await client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
+                record.posts.append((start, time.monotonic() - start))
+                if answer.status_code != 200:
+                    record.faults.append(f"HELLO {answer.status_code}")
+                start = time.monotonic()
+                await _await_first_frame(address)
+                record.first_frames.append((start, time.monotonic() - start))
+            except (httpx.HTTPError, ConnectionClosed, OSError, TimeoutError) as error:
+                record.faults.append(f"HELLO {type(error).__name__}")
+            await asyncio.sleep(pause)
+
+
+async def _await_first_frame(address: str) -> None:
+    async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
+        await socket.send('{"type": "open", "paced": true}')
+        for gloss in WORDS[:2]:
+            await socket.send(json.dumps({"type": "word", "gloss": gloss}))
+        while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
+            pass

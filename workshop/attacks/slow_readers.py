@@ -24,7 +24,7 @@ from websockets.sync.client import connect
 
 from service_callers import WORDS, start_service
 
-_LIMITS = ("idle_seconds=4", "body_seconds=9", "max_client_waiting=4", "max_waiting=8", "max_connections=100")
+_LIMITS = ("idle_seconds=4", "body_seconds=9", "max_client_waiting=4", "max_connections=100")
 _OPTIONS = [f"--limit={limit}" for limit in _LIMITS]
 _BODY = json.dumps({"glosses": list(WORDS) * 6, "formats": ["bvh", "glb"]}).encode()
 _REQUEST = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"

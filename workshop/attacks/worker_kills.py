@@ -82,7 +82,7 @@ async def _kill_next(pid: int, known_pids: set[int]) -> None:
         await asyncio.sleep(0.02)
 
 
-async def _run_round(address: str, pid: int, request_pid: int, mode: str, client: httpx.AsyncClient) -> list[float]:
+async def _run_round(address: str, pid: int, long_pid: int, mode: str, client: httpx.AsyncClient) -> list[float]:
     """Returns the seconds until each client was told. Raises ``AssertionError`` if a new stream does not work."""
     sockets = [
         await _open_stream(address, False, 0),
@@ -93,7 +93,7 @@ async def _run_round(address: str, pid: int, request_pid: int, mode: str, client
         await _wait_for_frames(socket)
     known_pids = {worker.pid for worker in _list_workers(pid)}
     start = time.monotonic()
-    for stream_pid in known_pids - {request_pid}:
+    for stream_pid in known_pids - {long_pid}:
         os.kill(stream_pid, signal.SIGKILL)
     if mode != _MODES[0]:
         kill_task = asyncio.create_task(_kill_next(pid, known_pids))
@@ -113,9 +113,9 @@ async def _kill_busy(address: str, process: subprocess.Popen[str], n: int) -> st
     seconds: list[float] = []
     async with httpx.AsyncClient(base_url=address, timeout=60.0) as client:
         await client.get("/healthz")  # answered once workers start
-        request_worker, _ = _list_workers(process.pid)
+        _, long_worker = _list_workers(process.pid)
         for k in range(n):
-            seconds += await _run_round(address, process.pid, request_worker.pid, _MODES[k % len(_MODES)], client)
+            seconds += await _run_round(address, process.pid, long_worker.pid, _MODES[k % len(_MODES)], client)
         deadline = time.monotonic() + 5.0
         while (n_lost := await _count_streams(client)) and time.monotonic() < deadline:
             await asyncio.sleep(0.1)

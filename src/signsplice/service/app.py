@@ -13,6 +13,7 @@ from contextlib import ExitStack, asynccontextmanager
 from importlib.metadata import version
 from math import ceil
 from typing import Annotated, Any, Literal, TypeVar
+from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI, File, Form, Query, Request, UploadFile, WebSocket
@@ -20,6 +21,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.docs import get_swagger_ui_html
 from pydantic import TypeAdapter, ValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
@@ -28,13 +30,14 @@ from signsplice.formats import WIRE_SUFFIXES, join_suffixes
 from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
-from signsplice.service.limits import Limits, Shares
+from signsplice.service.limits import Limits, Shares, caller, while_connected
 from signsplice.service.monitoring import CountRequests, Metrics, quieten
 from signsplice.service.protocols import protocols
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
-from signsplice.service.workers import BusyError, Worker, Workers
+from signsplice.service.turns import Turns
+from signsplice.service.workers import BusyError, Worker
 from signsplice.splicing.options import all_methods
 
 ResultT = TypeVar("ResultT")
@@ -60,6 +63,8 @@ _SPLICED: dict[int | str, dict[str, Any]] = {
         "description": "A splice, or one file of it.",
     }
 }
+_UPLOAD_SECONDS = 1.0
+"""Expected work of a request with files, s: it is unknown until they are read, and then what was done counts."""
 _ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gif: a film."
 
 
@@ -70,36 +75,61 @@ class Service:
         self.settings, self.scenes = settings, scenes
         self.lexicon = open_lexicon(*settings.lexicons)
         self.lexicon.verify()
-        self.request_workers: Workers
-        self.stream_workers: Workers
-        self.requests = Shares("requests that wait", settings.max_waiting, settings.max_client_waiting)
+        self.quick_workers: list[Worker] = []
+        self.long_workers: list[Worker] = []
+        self.turns = Turns(self.long_workers)
+        self.requests = Shares("requests that wait", settings.max_connections, settings.max_client_waiting)
         self.streams = Shares("streams", settings.max_streams, settings.max_client_streams)
         self.n_streams: Counter[Worker] = Counter()
         self.metrics = Metrics(
-            lambda: self.requests.n_held, lambda: self.request_workers.n_lost + self.stream_workers.n_lost
+            lambda: self.requests.n_held,
+            lambda: sum(worker.n_lost for worker in self._workers),
+            lambda: self.turns.wait_seconds,
         )
+
+    @property
+    def _workers(self) -> list[Worker]:
+        return [*self.quick_workers, *self.long_workers]
 
     @asynccontextmanager
     async def lifespan(self, app: FastAPI) -> AsyncIterator[None]:
         """Keep worker processes while the service runs."""
-        self.request_workers = Workers(self.settings, self.settings.workers)
-        self.stream_workers = Workers(self.settings, self.settings.workers, for_streams=True)
+        for _ in range(self.settings.workers):
+            self.quick_workers.append(Worker(self.settings, is_quick=True))
+            self.long_workers.append(Worker(self.settings, is_quick=False))
         try:
             yield
         finally:
-            self.request_workers.close()
-            self.stream_workers.close()
+            for worker in self._workers:
+                worker.close()
             self.lexicon.close()
 
     @property
     def is_warm(self) -> bool:
         """Whether every worker process has become ready, and so answers at once."""
-        return self.request_workers.is_warm and self.stream_workers.is_warm
+        return all(worker.is_warm for worker in self._workers)
 
-    async def run(self, request: Request, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """Run a job for a request. Raises ``BusyError`` if too many requests wait, and as ``Workers.run``."""
-        with self.requests.hold(request):
-            return await self.request_workers.run(job, *args)
+    async def sign(
+        self, call: Request, request: wire.SentenceRequest, file: wire.AnswerFile | None, *uploaded: tuple[str, bytes]
+    ) -> work.Answer:
+        """Answer a sentence: at once if it is quick, else by a long job. Raises as ``run``."""
+        with self.requests.hold(call):
+            seconds = _UPLOAD_SECONDS
+            if not uploaded:
+                quick = await self.run(
+                    call, self.quick_workers, work.QUICK_SECONDS, work.splice_if_quick, request, file
+                )
+                if isinstance(quick, work.Answer):
+                    return quick
+                seconds = quick
+            return await self.run(call, self.long_workers, seconds, work.splice_glosses, request, file, *uploaded)
+
+    async def run(
+        self, call: Request, workers: Sequence[Worker], seconds: float, job: Callable[..., ResultT], *args: object
+    ) -> ResultT:
+        """Run a job when it is the client's turn. Raises as ``Worker.run``, and ``ClientDisconnect``."""
+        turn = self.turns.run(caller(call), workers, seconds, lambda worker: worker.run(job, *args))
+        return await while_connected(call, turn)
 
     async def stream(self, socket: WebSocket) -> None:
         """Serve one client's stream, on the worker with the fewest streams."""
@@ -111,11 +141,11 @@ class Service:
                 await socket.send_json({"type": "error", **failure(error)})
                 await socket.close(TRY_AGAIN_LATER)
                 return
-            worker = self.stream_workers.least_loaded(self.n_streams.__getitem__)
+            worker = min(self.quick_workers, key=self.n_streams.__getitem__)
             self.n_streams[worker] += 1
             stack.callback(self.n_streams.subtract, [worker])
             stack.enter_context(self.metrics.streams.track_inprogress())
-            await StreamSession(socket, self.settings, worker, self.metrics).run()
+            await StreamSession(socket, self.settings, self.turns, worker, self.metrics).run()
 
 
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:
@@ -209,7 +239,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     ) -> Response:
         """Sign glosses, or a line of them as text: one animation, and the report of its seams."""
         _check_line(request, settings)
-        return _response(await service.run(call, work.splice_glosses, request, file))
+        return _response(await service.sign(call, request, file))
 
     @app.post("/v1/fit", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def fit(
@@ -226,7 +256,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         if request.avatar is not None:
             raise InputError("options: an avatar is named, expected none beside the one that is uploaded")
         uploaded = safe_name(avatar.filename or "avatar"), await avatar.read()
-        return _response(await service.run(call, work.splice_glosses, request, file, uploaded))
+        return _response(await service.sign(call, request, file, uploaded))
 
     @app.post("/v1/splice", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(
@@ -243,7 +273,9 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
             raise InputError(f"{len(files)} files, expected at most {settings.max_files}")
         request = _options(_SPLICE_OPTIONS, options)
         clips = [(safe_name(upload.filename or "clip"), await upload.read()) for upload in files]
-        return _response(await service.run(call, work.splice_files, clips, request, file))
+        with service.requests.hold(call):
+            job = work.splice_files, clips, request, file
+            return _response(await service.run(call, service.long_workers, _UPLOAD_SECONDS, *job))
 
     @app.websocket("/v1/stream")
     async def stream(socket: WebSocket) -> None:
@@ -271,6 +303,8 @@ def _response(answer: work.Answer) -> Response:
     if answer.name is not None:
         name = "".join(c if (c.isascii() and c.isalnum()) or c in "-_." else "_" for c in answer.name)
         headers["Content-Disposition"] = f'attachment; filename="{name}"'
+        if name != answer.name:  # RFC 6266: the name itself, for those that read it
+            headers["Content-Disposition"] += f"; filename*=UTF-8''{quote(answer.name, safe='')}"
     return Response(answer.content, media_type=answer.media_type, headers=headers)
 
 
@@ -319,6 +353,10 @@ def _add_error_handlers(app: FastAPI) -> None:
         fault = error.errors()[0]
         where = ".".join(str(part) for part in fault["loc"])
         return JSONResponse({"error": f"{where}: {fault['msg']}", "unknown": {}}, 422)
+
+    @app.exception_handler(ClientDisconnect)
+    async def gone(_: Request, error: ClientDisconnect) -> Response:
+        return Response(status_code=499)  # reaches nobody; the metrics count it
 
     @app.exception_handler(Exception)
     async def fault(_: Request, error: Exception) -> Response:

@@ -7,19 +7,44 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Coroutine, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from ipaddress import IPv6Address, ip_address
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from signsplice.service.settings import MIB, Settings
 from signsplice.service.workers import BusyError
+
+ResultT = TypeVar("ResultT")
+
+_CHECK_SECONDS = 0.25
+"""How often clients who wait are looked after, seconds."""
+
+
+async def while_connected(connection: HTTPConnection, job: Coroutine[Any, Any, ResultT]) -> ResultT:
+    """Return the result of a job. Cancels it, and raises ``ClientDisconnect``, once its client has hung up, if
+    ``protocols`` serves the connection.
+    """
+    task, has_hung_up = asyncio.create_task(job), connection.scope.get("state", {}).get("has_hung_up", bool)
+    try:
+        while not (await asyncio.wait({task}, timeout=_CHECK_SECONDS))[0]:
+            if has_hung_up():
+                raise ClientDisconnect
+        return task.result()
+    finally:
+        task.cancel()
+
+
+def caller(connection: HTTPConnection) -> str:
+    """Return the client of a connection, see ``client_of``."""
+    return client_of(connection.client.host if connection.client else None)
 
 
 def client_of(address: str | None) -> str:
@@ -51,7 +76,7 @@ class Shares:
     @contextmanager
     def hold(self, connection: HTTPConnection) -> Iterator[None]:
         """Hold one while the block runs. Raises ``BusyError`` if the limit is reached."""
-        client = client_of(connection.client.host if connection.client else None)
+        client = caller(connection)
         if self.n_held >= self._limit:
             raise BusyError(f"too many {self._noun}; try again in a moment")
         if self._held[client] >= self._client_limit:

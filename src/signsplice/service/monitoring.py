@@ -65,7 +65,9 @@ _LATE_SECONDS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 class Metrics:
     """Counters of one service, in their own registry."""
 
-    def __init__(self, waiting: Callable[[], int], lost: Callable[[], int]) -> None:
+    def __init__(
+        self, waiting: Callable[[], int], lost: Callable[[], int], wait_seconds: Callable[[], float] = float
+    ) -> None:
         registry = self.registry = CollectorRegistry()
         labels = ("route", "method", "status")
         self.requests = Counter("signsplice_requests", "Requests answered.", labels, registry=registry)
@@ -77,7 +79,9 @@ class Metrics:
         self.frames = Counter("signsplice_stream_frames", "Frames that streams sent.", registry=registry)
         late = "Delay of a paced frame after the time when it was due."
         self.late = Histogram("signsplice_stream_late_seconds", late, buckets=_LATE_SECONDS, registry=registry)
-        Gauge("signsplice_jobs", "Jobs that run or wait.", registry=registry).set_function(waiting)
+        Gauge("signsplice_jobs", "Requests that run or wait.", registry=registry).set_function(waiting)
+        longest = "How long the job that has waited longest has waited for its turn."
+        Gauge("signsplice_wait_seconds", longest, registry=registry).set_function(wait_seconds)
         Gauge("signsplice_workers_lost", "Worker processes replaced.", registry=registry).set_function(lost)
 
     def text(self) -> bytes:

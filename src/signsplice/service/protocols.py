@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import select
 import sys
 from collections import Counter
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -117,6 +119,19 @@ def _failure(text: str) -> bytes:
     return json.dumps({"error": text, "unknown": {}}).encode()
 
 
+def _has_hung_up(transport: asyncio.Transport) -> bool:
+    """Return whether a connection is closed; on Linux also if the client's end comes after data that is not read yet,
+    as of pipelined requests, or words of a stream.
+    """
+    end, hung_up = transport.get_extra_info("socket"), getattr(select, "POLLRDHUP", None)
+    if end is not None and hung_up is not None and not transport.is_closing():
+        poll = select.poll()
+        poll.register(end.fileno(), hung_up)
+        if poll.poll(0):
+            transport.abort()
+    return transport.is_closing()
+
+
 class _ProtocolError(Exception):
     """Ends the parsing of a request."""
 
@@ -144,6 +159,7 @@ class LimitedHttpProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the clock, or refuse the connection if there are too many."""
         super().connection_made(transport)
+        self.app_state = {**self.app_state, "has_hung_up": partial(_has_hung_up, transport)}
         self.client_name = client_of(self.client[0] if self.client else None)
         self.unread = UnreadWatch(self)
         self._start_clock(self.settings.head_seconds)

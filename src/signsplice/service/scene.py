@@ -23,7 +23,7 @@ from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
 
 Rows = Sequence[Mapping[str, Any]]
-_FILM_FPS = 12.5
+FILM_FPS = 12.5
 """Maximum frame rate of a film, Hz; a worker takes some 40 ms to draw each frame."""
 _FILM_SIZE = (320, 320)
 """Width and height of a film, pixels."""
@@ -75,7 +75,7 @@ def picture(result: SpliceResult, form: str) -> bytes:
     """Draw a splice as one of ``wire.PICTURES``. Raises ``MissingExtraError`` if Pillow is not installed."""
     from signsplice.render import film
 
-    clip = result.clip if form == "png" else resample(result.clip, min(_FILM_FPS, result.clip.fps))
+    clip = result.clip if form == "png" else resample(result.clip, min(FILM_FPS, result.clip.fps))
     scale = (len(clip) - 1) / max(len(result.clip) - 1, 1)
     marks = [film.Mark(span.kind, span.name or "", *(round(scale * n) for n in span.output)) for span in result.spans]
     with TemporaryDirectory() as folder:

@@ -43,7 +43,7 @@ class Settings:
     proxies: tuple[str, ...] = ()
     """Addresses of reverse proxies, whose X-Forwarded-For names the client."""
     n_workers: int = 0
-    """Processes for requests, and as many again for streams; 0 for one per core."""
+    """Processes for quick jobs, those of streams among them, and as many again for long ones; 0 for one per core."""
 
     max_connections: int = 1000
     """Open connections."""
@@ -64,10 +64,8 @@ class Settings:
     minutes at 30 fps."""
     max_joints: int = int(DEFAULT_LIMITS.joints)
     """Joints of a skeleton."""
-    max_waiting: int = 64
-    """Requests that run or wait for a worker; further ones are refused."""
     max_client_waiting: int = 32
-    """Of these, requests from one address."""
+    """Requests from one address that run or wait for their turn; further ones are refused, to bound memory."""
     max_uploads: int = 8
     """Bodies over 1 MiB that are read at the same time."""
     max_client_uploads: int = 4
@@ -130,7 +128,7 @@ class Settings:
 
     @property
     def workers(self) -> int:
-        """Number of processes that answer requests."""
+        """Number of processes for quick jobs, and for long ones."""
         return self.n_workers or cores()
 
     @property

@@ -8,24 +8,29 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from typing import Any, TypeVar
 from uuid import uuid4
 
 from pydantic import TypeAdapter, ValidationError
+from starlette.requests import ClientDisconnect
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from signsplice.errors import InputError, SignspliceError, UnknownGlossError
 from signsplice.service import wire, work
+from signsplice.service.limits import caller, while_connected
 from signsplice.service.monitoring import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
+from signsplice.service.turns import Turns
 from signsplice.service.workers import Worker, WorkerLostError, WorkerProcess
 
 ResultT = TypeVar("ResultT")
 
 _CLIENT_MESSAGE: TypeAdapter[wire.ClientMessage] = TypeAdapter(wire.ClientMessage)
+_JOB_SECONDS = 0.02
+"""Expected work of a stream's job, s: one word."""
 _MAX_PREFETCHED = 16
 """Messages, each with the frames of at most one span, that are prepared ahead of the one being sent."""
 GOING_AWAY = 1001
@@ -61,8 +66,9 @@ def first_fault(error: ValidationError) -> str:
 class StreamSession:
     """The stream of one client."""
 
-    def __init__(self, socket: WebSocket, settings: Settings, worker: Worker, metrics: Metrics) -> None:
-        self._socket, self._settings, self._worker, self._metrics = socket, settings, worker, metrics
+    def __init__(self, socket: WebSocket, settings: Settings, turns: Turns, worker: Worker, metrics: Metrics) -> None:
+        self._socket, self._settings, self._metrics = socket, settings, metrics
+        self._turns, self._worker = turns, worker
         self._key = uuid4().hex
         self._process: WorkerProcess
         self._words: asyncio.Queue[tuple[work.Typed, float] | None] = asyncio.Queue(settings.max_stream_words)
@@ -77,13 +83,13 @@ class StreamSession:
         try:
             await self._serve(await self._receive_opening())
             await self._socket.close()
-        except* WebSocketDisconnect:
+        except* (WebSocketDisconnect, ClientDisconnect):
             pass
         except* (_RefusedError, SignspliceError, TimeoutError) as group:
             await self._fail(group)
 
     async def _serve(self, opening: wire.OpenMessage) -> None:
-        self._process, _ = await self._worker.begin(work.open_stream, self._key, opening)
+        self._process, _ = await self._take_turn(lambda worker: worker.begin(work.open_stream, self._key, opening))
         self._last_activity = time.monotonic()
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -99,11 +105,16 @@ class StreamSession:
         await self._process.ended.wait()
         raise WorkerLostError("the process that held this stream ended; open it again")
 
+    async def _take_turn(self, job: Callable[[Worker], Coroutine[Any, Any, ResultT]]) -> ResultT:
+        """Run a job at the stream's worker when it is the client's turn. Raises ``ClientDisconnect``."""
+        turn = self._turns.run(caller(self._socket), [self._worker], _JOB_SECONDS, job)
+        return await while_connected(self._socket, turn)
+
     async def _run_job(self, job: Callable[..., ResultT], *args: object) -> ResultT:
         """Run one of the process's jobs on this stream; the client does not count as idle meanwhile."""
         self._is_working = True
         try:
-            return await self._process.run(job, self._key, *args)
+            return await self._take_turn(lambda _: self._process.run(job, self._key, *args))
         finally:
             self._is_working = False
             self._last_activity = time.monotonic()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
@@ -35,6 +36,24 @@ _MOST_WRITTEN_BYTES = 256 << 10
 _N_CACHED_AVATARS = 8
 _N_CACHED_CLIPS = 256
 """Words that a process keeps in memory, about 0.3 MB each."""
+
+QUICK_SECONDS = 0.15
+"""Most work of a quick job, s: about 20 words. A job of another client waits as long for a worker."""
+_LEAST_SECONDS = {
+    "word": 0.005,  # joined
+    "form": 0.2,  # made by the synthetic signer, as forms of signs and written signs are
+    "system": 0.02,  # a word, beside its joining, where a system joins whole words
+    "frame": 3e-5,  # of the words as stored, at the output's rate: encoded
+    "fit": 8e-4,  # such a frame fitted to an avatar
+    "png": 0.13 / 53,  # a word on a contact sheet, for each joint: other signers are drawn with less
+    "gif": 0.022 / 53,  # a frame of a film, likewise
+}
+"""Processor time of parts of a job, the least of 2 to 9 runs with sentences of 1 to 160 words that ship, one thread on
+an AMD EPYC core. A loaded core takes up to half as much again."""
+_WARM_WORD_SECONDS = 0.003
+"""Processor time of a word of the sentence that warms up a process, as soon as it is warm, on the same core, s."""
+_LEAST_SHARES = {"letter": 0.24, "sign": 0.36}
+"""Least length of a sentence in these runs, as a share of that of its words as stored."""
 
 _N_WARMING = 3
 """Number of signs, and of letters, in the sentence that warms up a process."""
@@ -75,10 +94,11 @@ class _WorkerState:
     owns: reads and caches the channels of their own.
     avatar: reads and caches avatars of the settings by name.
     streams: growing sentences, by the key of their stream.
+    pace: how many times as long as ``_LEAST_SECONDS`` this processor takes.
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.settings = settings
+        self.settings, self.pace = settings, 1.0
         self.lexicon: Lexicon = open_lexicon(*settings.lexicons)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.owns = lru_cache(_N_CACHED_CLIPS)(self.lexicon.owns)
@@ -111,9 +131,9 @@ def start_worker(settings: Settings) -> None:
     _worker = _WorkerState(settings)
 
 
-def warm_up(for_streams: bool) -> None:
-    """Warm up with a sentence of signs and letters, as a request or a stream: read the networks, build the mannequin's
-    mesh, and search for words similar to an unknown one.
+def warm_up(is_quick: bool) -> None:
+    """Warm up with a sentence of signs and letters, as a request, and as a stream if the process is for quick jobs:
+    read the networks, build the mannequin's mesh, and search for words similar to an unknown one. Measures the pace.
     """
     lexicon = _worker.lexicon
     if "NO-SUCH-WORD" not in lexicon:  # reads the notation of the shipped signs, to look for a form
@@ -121,7 +141,7 @@ def warm_up(for_streams: bool) -> None:
     glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
     n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
     glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
-    if for_streams:
+    if is_quick:
         key = "warming"
         open_stream(key, wire.OpenMessage(type="open"))
         for gloss in glosses:
@@ -129,12 +149,69 @@ def warm_up(for_streams: bool) -> None:
                 add_word(key, word)
         end_stream(key)
         close_stream(key)
-    else:
-        request = wire.SentenceRequest(glosses=glosses, face_rules=True, formats=list(wire.FORMAT_NAMES))
-        splice_glosses(request, None)
+    request = wire.SentenceRequest(glosses=glosses, face_rules=True, formats=list(wire.FORMAT_NAMES))
+    splice_glosses(request, None)
+    spent = []
+    for _ in range(3):
+        began = time.process_time()
+        splice_glosses(wire.SentenceRequest(glosses=glosses, formats=[]), None)
+        spent.append(time.process_time() - began)
+    _worker.pace = max(1.0, min(spent) / (_WARM_WORD_SECONDS * len(glosses)))
 
 
 # --- requests ---
+
+
+Requested = wire.SentenceRequest | wire.SpliceRequest
+
+
+def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None) -> Answer | float:
+    """Answer a sentence as ``splice_glosses`` if that is quick, else return the work that it takes at least, seconds.
+
+    Raises ``InputError`` as it does, and for work that does not fit ``work_seconds``.
+    """
+    glosses = token_glosses(_units(request.text or " ".join(request.glosses or ()), request, request.compounds))
+    stored = [_worker.lexicon.entry(gloss) for gloss in glosses if _worker.lexicon.lists(gloss)]
+    fps = request.fps or min((entry.fps for entry in stored), default=scene.FILM_FPS)
+    seconds = _LEAST_SECONDS["form"] * (len(glosses) - len(stored))
+    least = sum(_LEAST_SHARES[entry.kind] * entry.seconds for entry in stored) / request.sign_speed
+    n_joints = len(_worker.clip(stored[0].gloss).skeleton) if stored and request.avatar is None else 0
+    seconds += _check_work(len(glosses), n_joints, least, sum(entry.seconds for entry in stored), fps, request, file)
+    is_quick = seconds <= QUICK_SECONDS and file not in wire.PICTURES
+    return splice_glosses(request, file) if is_quick else seconds
+
+
+def _check_work(
+    n_words: int,
+    n_joints: int,
+    seconds_long: float,
+    stored_seconds: float,
+    fps: float,
+    request: Requested,
+    file: str | None,
+) -> float:
+    """Return the least work that joining, fitting and drawing take, seconds. ``n_joints``: of the signer, 0 if unknown;
+    ``seconds_long``, ``stored_seconds``: length of the sentence, and of its words as stored.
+
+    Raises ``InputError`` if it is over ``work_seconds``.
+    """
+    limit, n_frames = _worker.settings.work_seconds, stored_seconds / request.sign_speed * fps
+    amounts = {
+        "word": n_words,
+        "system": n_words * (request.system is not None),
+        "frame": n_frames,
+        "fit": n_frames * (request.avatar is not None),
+        "png": n_words * n_joints * (file == "png"),
+        "gif": seconds_long * min(fps, scene.FILM_FPS) * n_joints * (file == "gif"),
+    }
+    seconds = _worker.pace * sum(_LEAST_SECONDS[part] * amount for part, amount in amounts.items())
+    if seconds > limit:
+        n_fitting = int(n_words * limit / seconds)
+        raise InputError(
+            f"{n_words} words as {file or 'files'} take about {seconds:.0f} s of work, expected at most {limit:g} s; "
+            f"send about {n_fitting} words at a time, or ask for another file"
+        )
+    return seconds
 
 
 def splice_glosses(
@@ -176,9 +253,6 @@ def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
     yield from signing.clips(content, name, most)
 
 
-Requested = wire.SentenceRequest | wire.SpliceRequest
-
-
 def _answer(
     words: list[Word],
     request: Requested,
@@ -192,6 +266,8 @@ def _answer(
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(words, options(request))
+    n_joints = len(result.clip.skeleton) if avatar is None else 0
+    _check_work(len(words), n_joints, result.clip.seconds, seconds * request.sign_speed, fps, request, file)
     if avatar is not None:
         result = onto_avatar(result, avatar)
     glb_has = {"mesh": request.mesh, "whole_face": isinstance(request, wire.SentenceRequest) and request.whole_face}

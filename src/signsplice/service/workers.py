@@ -1,5 +1,5 @@
-"""Distributes jobs among worker processes. Each does one job at a time. A process that ends, busy or not, is noticed at
-once and replaced.
+"""Worker processes. Each does one job at a time; ``turns`` decides whose. A process that ends, busy or not, is noticed
+at once and replaced.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ ResultT = TypeVar("ResultT")
 
 _CHECK_SECONDS = 0.25
 """How often the work time of a running job is compared with its limit."""
+_NICENESS = 5
+"""Of long jobs: where quick jobs want the processor, these have a quarter of it (sched(7): a weight of 335 to 1024)."""
 
 
 class BusyError(SignspliceError):
@@ -51,11 +53,13 @@ class WorkerProcess:
     dead process.
 
     is_ready: whether it has started, so that it does jobs.
+    started: set when it is ready or has ended.
     ended: set when the process has ended.
+    spent: its processor time when it last told, or was killed, seconds.
     """
 
-    def __init__(self, settings: Settings, for_streams: bool, on_end: Callable[[WorkerProcess], None]) -> None:
-        """Start the process. ``for_streams``: whether it does jobs of streams.
+    def __init__(self, settings: Settings, is_quick: bool, on_end: Callable[[WorkerProcess], None]) -> None:
+        """Start the process. ``is_quick``: whether it does quick jobs, those of streams among them.
 
         ``on_end`` is called once, in the event loop, when it ends.
         """
@@ -65,11 +69,12 @@ class WorkerProcess:
         self._jobs: set[asyncio.Task[Any]] = set()
         self._answer: asyncio.Future[tuple[bool, Any]] | None = None
         self._has_begun = False
-        self.is_ready, self.ended, self._started = False, asyncio.Event(), asyncio.Event()
+        self.is_ready, self.ended, self.started = False, asyncio.Event(), asyncio.Event()
+        self.spent = 0.0
         self._start_limit = self._loop.call_later(settings.work_wall_seconds, self.kill)
         context = get_context("spawn")
         self._pipe, far_end = context.Pipe()
-        self._process = context.Process(target=_do_jobs, args=(far_end, settings, for_streams), daemon=True)
+        self._process = context.Process(target=_do_jobs, args=(far_end, settings, is_quick), daemon=True)
         self._process.start()
         far_end.close()
         threading.Thread(target=self._receive, daemon=True).start()
@@ -88,16 +93,17 @@ class WorkerProcess:
                 except (EOFError, OSError):
                     break
                 except Exception as error:  # an unreadable answer; the next one may be readable
-                    answer = (False, error)
-                self._loop.call_soon_threadsafe(self._take, answer)
+                    answer = (self.spent, False, error)
+                self._loop.call_soon_threadsafe(self._take, *answer)
             self._process.join()
             self._loop.call_soon_threadsafe(self._end)
 
-    def _take(self, answer: tuple[bool, Any] | None) -> None:
-        if answer is None:  # the process is ready, or has begun a job
+    def _take(self, spent: float, *answer: Any) -> None:
+        self.spent = spent
+        if not answer:  # the process is ready, or has begun a job
             self._has_begun = self.is_ready
             self.is_ready = True
-            self._started.set()
+            self.started.set()
             self._start_limit.cancel()
         elif self._answer is not None and not self._answer.done():
             self._answer.set_result(answer)
@@ -106,38 +112,34 @@ class WorkerProcess:
         if self.ended.is_set():
             return
         error = WorkerLostError("the process that worked on this ended; it was replaced")
-        self._take((False, error if self._has_begun else _not_started()))
+        self._take(self.spent, False, error if self._has_begun else _not_started())
         self.ended.set()
-        self._started.set()
+        self.started.set()
         self._start_limit.cancel()
         self._on_end(self)
 
     def kill(self) -> None:
         """Kill the process; its running job raises ``WorkerLostError``."""
+        self.spent = max(self.spent, _processor_seconds(self.pid) or 0.0)
         self._process.kill()
         self._end()
 
-    async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """Call a function of ``work`` in the process and return its result.
-
-        Cancelling the caller stops neither the job nor its limits.
-
-        Raises what the job raises; ``InputError`` if it exceeds its work time or memory; ``BusyError`` if it takes
-        longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.
-        """
-        return await asyncio.shield(self.post(job, *args))
-
     def post(self, job: Callable[..., ResultT], *args: object) -> asyncio.Task[ResultT]:
         """As ``run``, for callers that need not wait for the result."""
-        task = asyncio.create_task(self._run_alone(job, *args))
-        self._jobs.add(task)  # keeps the task alive after its caller is cancelled
+        task = asyncio.create_task(self.run(job, *args))
+        self._jobs.add(task)  # keeps the task alive
         task.add_done_callback(self._jobs.discard)
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
         return task
 
-    async def _run_alone(self, job: Callable[..., ResultT], *args: object) -> ResultT:
+    async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
+        """Call a function of ``work`` in the process and return its result. ``turns`` does not cancel it.
+
+        Raises what the job raises; ``InputError`` if it exceeds its work time or memory; ``BusyError`` if it takes
+        longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.
+        """
         async with self._lock:
-            await self._started.wait()
+            await self.started.wait()
             if self.ended.is_set():
                 raise _not_started()
             self._answer, self._has_begun = self._loop.create_future(), False
@@ -172,21 +174,24 @@ class WorkerProcess:
         return answer.result()
 
 
-def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
+def _do_jobs(pipe: Connection, settings: Settings, is_quick: bool) -> None:
     """Main function of the process: start, then do one job at a time until the service ends.
 
-    Sends None when it is ready and when it begins a job; after a job, whether it succeeded and its result or error.
+    Sends its processor time when it is ready and when it begins a job; after a job, also whether it succeeded and its
+    result or error.
     """
     work.start_worker(settings)
     with suppress(Exception):  # if the lexicon is at fault, jobs report it
-        work.warm_up(for_streams)
+        work.warm_up(is_quick)
+    if not is_quick:
+        _lower_priority(0, os.getppid())
     gc.collect()
     gc.freeze()  # otherwise the first request waits 50 ms for a scan of all imported objects
     with suppress(EOFError, OSError):
-        pipe.send(None)
+        pipe.send((time.process_time(),))
         while True:
             job, args = pipe.recv()
-            pipe.send(None)
+            pipe.send((time.process_time(),))
             try:
                 answer = (True, job(*args))
             except (SignspliceError, MemoryError) as error:
@@ -194,7 +199,14 @@ def _do_jobs(pipe: Connection, settings: Settings, for_streams: bool) -> None:
             except Exception as error:
                 traceback.print_exc(file=sys.stderr)
                 answer = (False, error)
-            pipe.send(answer)
+            pipe.send((time.process_time(), *answer))
+
+
+def _lower_priority(pid: int, service_pid: int) -> None:
+    """Give a process that does long jobs less of the processor than the service has; 0 is the calling process."""
+    if sys.platform != "win32":
+        with suppress(OSError):  # it has already ended
+            os.setpriority(os.PRIO_PROCESS, pid, os.getpriority(os.PRIO_PROCESS, service_pid) + _NICENESS)
 
 
 def _work_clock(pid: int) -> Callable[[], float]:
@@ -228,24 +240,44 @@ _RESTART_SECONDS = 5.0
 class Worker:
     """A worker, backed by one process; if that ends, the next one starts.
 
-    busy: number of jobs that run or wait for it.
-    is_warm: whether one of its processes has become ready.
     n_lost: number of processes replaced so far.
     """
 
-    def __init__(self, settings: Settings, for_streams: bool) -> None:
-        """Start the process. ``for_streams``: whether it does jobs of streams."""
-        self._settings, self._for_streams = settings, for_streams
-        self.busy = self.n_lost = self._n_failed_starts = 0
-        self._is_closed = False
+    def __init__(self, settings: Settings, is_quick: bool) -> None:
+        """Start the process. ``is_quick``: whether it does quick jobs, those of streams among them."""
+        self._settings, self._is_quick = settings, is_quick
+        self.n_lost = self._n_failed_starts = 0
+        self._spent_before = 0.0
+        self._is_closed = self._is_abandoned = False
         self._restart: asyncio.TimerHandle | None = None
         self._was_ready = False
-        self._process = WorkerProcess(settings, for_streams, self._replace)
+        self._process = WorkerProcess(settings, is_quick, self._replace)
 
     @property
     def is_warm(self) -> bool:
         """Whether one of its processes has become ready."""
         return self._was_ready or self._process.is_ready
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it begins a job at once."""
+        return self._process.is_ready
+
+    @property
+    def spent(self) -> float:
+        """Processor time of its processes so far, with their starts, seconds."""
+        return self._spent_before + self._process.spent
+
+    async def recover(self) -> None:
+        """Return once its process is ready, or does not start."""
+        while not (self.is_ready or self._process.ended.is_set()):
+            await self._process.started.wait()
+
+    def abandon(self) -> None:
+        """End the running job, by killing the process, unless it is quick: then the process may hold streams."""
+        self._is_abandoned = not self._is_quick
+        if self._is_abandoned:
+            self._process.kill()
 
     def _replace(self, ended: WorkerProcess) -> None:
         if self._is_closed:
@@ -259,7 +291,10 @@ class Worker:
             self._restart = asyncio.get_running_loop().call_later(_RESTART_SECONDS, self._start)
 
     def _start(self) -> None:
-        self._process = WorkerProcess(self._settings, self._for_streams, self._replace)
+        self._spent_before += self._process.spent
+        self._process = WorkerProcess(self._settings, self._is_quick, self._replace)
+        if not self._is_quick:  # the first starts of a service do not yield, these do
+            _lower_priority(self._process.pid, 0)
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
         """As ``WorkerProcess.run``, but tries again if a process ends before it begins the job."""
@@ -267,14 +302,14 @@ class Worker:
 
     async def begin(self, job: Callable[..., ResultT], *args: object) -> tuple[WorkerProcess, ResultT]:
         """Run a job; return its process, for further jobs that need its state there, and its result."""
-        self.busy += 1
-        try:
-            for _ in range(_MAX_STARTS):
-                process = self._process
-                with suppress(NotStartedError):
-                    return process, await process.run(job, *args)
-        finally:
-            self.busy -= 1
+        self._is_abandoned = False
+        for _ in range(_MAX_STARTS):
+            process = self._process
+            try:
+                return process, await process.run(job, *args)
+            except NotStartedError:
+                if self._is_abandoned:
+                    raise
         raise BusyError("the processes for this end while they start; try again later")
 
     def close(self) -> None:
@@ -283,33 +318,3 @@ class Worker:
         if self._restart is not None:
             self._restart.cancel()
         self._process.kill()
-
-
-class Workers:
-    """Several workers."""
-
-    def __init__(self, settings: Settings, n: int, for_streams: bool = False) -> None:
-        self._workers = [Worker(settings, for_streams) for _ in range(n)]
-
-    @property
-    def n_lost(self) -> int:
-        """Number of processes replaced so far."""
-        return sum(worker.n_lost for worker in self._workers)
-
-    @property
-    def is_warm(self) -> bool:
-        """Whether every worker is warm."""
-        return all(worker.is_warm for worker in self._workers)
-
-    async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """As ``Worker.run``, on the least busy one."""
-        return await self.least_loaded(lambda worker: worker.busy).run(job, *args)
-
-    def least_loaded(self, load: Callable[[Worker], int]) -> Worker:
-        """Return the worker with the least ``load``."""
-        return min(self._workers, key=load)
-
-    def close(self) -> None:
-        """Kill all processes."""
-        for worker in self._workers:
-            worker.close()

@@ -307,7 +307,6 @@ export const retarget = {
   },
   SIDES: ["left", "right"],
   ALIKE: 0.005,
-  NAMED: 6,
   SHORT: 0.1,
   BEYOND_M: 0.02,
   FADE_S: 0.15,
