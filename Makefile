@@ -14,7 +14,7 @@ PLACES := src tests examples workshop research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lock bench fuzz words corpus measured smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lowest lock bench fuzz words corpus measured smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet, a report and an avatar in out/demo
 	@$(BIN)/signsplice demo --out out/demo
@@ -42,6 +42,11 @@ wheel: $(VENV)/.dev $(PAGE)    ## wheel and source archive in out/dist, with the
 
 try-wheel: wheel               ## the wheel used in a clean environment on every Python from 3.11 to 3.13 that is here
 	workshop/runs/try_wheel.sh
+
+lowest: $(PAGE) | $(VENV)/bin/python ## the oldest versions that pyproject.toml declares, in a clean environment (needs an index)
+	$(BIN)/python -m venv $(VENV)/lock
+	$(VENV)/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
+	$(VENV)/lock/bin/python workshop/runs/lowest_versions.py
 
 lock: | $(VENV)/bin/python     ## requirements/*.lock anew from pyproject.toml; UPGRADE=1 for newer versions (needs an index)
 	$(BIN)/python -m venv $(VENV)/lock

@@ -75,6 +75,11 @@ def test_a_lock_has_what_the_package_asks_for_with_hashes(name: str, extra: str)
     assert "://" not in (ROOT / "requirements" / name).read_text(), "an index's address"
 
 
+def test_the_lowest_versions_of_every_extra_of_users_are_tried() -> None:
+    extras = PROJECT["optional-dependencies"].keys() - {"dev", "fuzz"}
+    assert {*module("workshop/runs/lowest_versions.py").EXTRAS} == extras
+
+
 @pytest.mark.parametrize("folder", ["workshop", "research"])
 def test_the_lock_of_development_has_what_the_other_distributions_ask_for(folder: str) -> None:
     pins, project = locked("dev.lock"), tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]

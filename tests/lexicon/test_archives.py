@@ -16,6 +16,7 @@ from signsplice.cli.lexicon import lexicon as commands
 from signsplice.errors import InputError
 from signsplice.formats import live_link, load, save
 from signsplice.lexicon import folder as folders
+from signsplice.lexicon import recordings
 from signsplice.lexicon.folder import reasons
 from signsplice.lexicon.recordings import RECIPES, find_recipe
 from signsplice.motion import Clip
@@ -256,6 +257,45 @@ def test_a_recipe_of_ones_own_and_unknown_names(tmp_path: Path) -> None:
         find_recipe("galt")
 
 
+@pytest.mark.parametrize("pattern", ["(?P<gloss>(a+)+)X", "(?P<gloss>(a|a)*)X", "(?P<gloss>.*.*.*.*.*.*.*.*.*.*.*.*)X"])
+def test_a_pattern_that_does_not_end_is_one_line(
+    pattern: str, tmp_path: Path, words: dict[str, Clip], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recordings, "_MATCH_S", (0.2, 0.0))
+    (tmp_path / "clips").mkdir()
+    save(words["HELLO"], tmp_path / "clips" / f"{'a' * 100}.bvh")
+    recipe = tmp_path / "recipe.json"
+    recipe.write_text(json.dumps({"pattern": pattern}))
+    with pytest.raises(
+        InputError, match=r"pattern takes over 0 s, or all memory, at the name 'a+'; simplify it"
+    ) as caught:
+        lexicon.build(tmp_path / "clips", tmp_path / "lex", recipe=str(recipe))
+    assert str(caught.value).startswith(f"{recipe}: ")
+    assert not (tmp_path / "lex").exists()
+
+
+def test_a_recipe_from_a_file_names_words_as_a_shipped_one(archive: Path, tmp_path: Path) -> None:
+    shipped = RECIPES["studiogalt"]
+    recipe = tmp_path / "recipe.json"
+    pattern = shipped.pattern.pattern.removeprefix("(?:^|.*/)").removesuffix("$")
+    recipe.write_text(json.dumps({"pattern": pattern, "kinds": shipped.kinds}))
+    lexicon.build(archive, tmp_path / "shipped", recipe="studiogalt")
+    built = lexicon.build(archive, tmp_path / "file", recipe=str(recipe))
+    assert shown(tmp_path / "file") == shown(tmp_path / "shipped")
+    assert built.unread == ("13 files of other kinds left: .txt 13",)
+
+
+def test_a_take_without_a_number_and_an_absent_gloss_are_no_faults(tmp_path: Path, words: dict[str, Clip]) -> None:
+    (tmp_path / "clips").mkdir()
+    for name in ("A_x", "A_2", "A_10", "_3"):
+        save(words["HELLO"], tmp_path / "clips" / f"{name}.bvh")
+    recipe = tmp_path / "recipe.json"
+    recipe.write_text(json.dumps({"pattern": "(?P<gloss>[A-Z])?_(?P<take>.+)"}))
+    built = lexicon.build(tmp_path / "clips", tmp_path / "lex", recipe=str(recipe))
+    assert shown(tmp_path / "lex") == {"A": ("A_10.bvh", ())}
+    assert built.left_out == (f"{tmp_path / 'clips' / '_3.bvh'}: gloss '', expected printable characters",)
+
+
 def test_reasons_are_counted_without_what_tells_files_apart() -> None:
     lines = ["a.fbx: 3 keys of 'x', expected 4", "b.fbx: 13 keys of 'y', expected 1", "c.fbx: no clip"]
     assert [found[:2] for found in reasons(lines)] == [(2, "... keys of ..., expected ..."), (1, "no clip")]
@@ -267,4 +307,5 @@ def test_the_command_prints_a_line_a_word_that_failed_and_a_summary(archive: Pat
     assert done.stderr.count("does not fit the recipe") == 1
     assert "     1 left out: holds no clip\n" in done.stdout
     assert "       6 files ...ShapeKeys.txt not read: no source names their numbers; they stay" in done.stdout
+    assert "       7 files of other kinds left: .txt 7\n" in done.stdout
     assert done.stdout.endswith("float32\n")

@@ -243,3 +243,24 @@ def test_a_rig_is_analysed_once_however_many_files_have_it(
     assert len(analysed) == 1
     assert faults(tmp_path / "clips") == []
     assert len(analysed) == 1
+
+
+def test_files_of_other_kinds_are_counted_once(clips: Path, tmp_path: Path, words: dict[str, Clip]) -> None:
+    for name in ("a.pdf", "b.PDF", "more/README", ".hidden.txt", "stray.csv"):
+        (clips / name).write_text("not a clip")
+    roles_of = {"hips": words["I"].skeleton.names[0]}
+    (clips / "roles.json").write_text(json.dumps(roles_of))
+    (clips / "more" / "face.csv").write_text("no face")
+    save(words["HELLO"], clips / "faced.bvh")
+    (clips / "faced.csv").write_text("no face either")
+    table(clips, "file,face,roles", "fs-a.bvh,more/face.csv,roles.json")
+    line = "5 files of other kinds left: .pdf 2, .csv 1, .txt 1, no suffix 1"
+    checked = folders.check(clips)
+    assert checked.n_clips == 5
+    assert [*checked.unread] == [line]
+    assert lexicon.build(clips, tmp_path / "lex", skip_broken=True).unread == (line,)
+    for n in range(9):
+        (clips / f"x.kind{n}").write_text("")
+    (most,) = folders.check(clips).unread
+    assert most.startswith("14 files of other kinds left: .pdf 2, ")
+    assert most.endswith(" and 5 more")

@@ -6,7 +6,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from signsplice.bulk.job import INDEX, BulkOptions, libraries, prepare, processo
 from signsplice.bulk.maker import SentenceMaker
 from signsplice.bulk.run import RunProgress, run
 from signsplice.bulk.shards import make_shard
-from signsplice.errors import MissingExtraError
+from signsplice.errors import SignspliceError
 from signsplice.lexicon.lexicon import Lexicon, open_lexicon
 from signsplice.motion.cache import CACHE
 from signsplice.splicing.bulk_splice import splice_many
@@ -37,7 +37,8 @@ Advance = Callable[[str], None]
 
 
 def measure(lexicon: str, count: int, n_memory: int, advance: Advance, seed: int = 0) -> dict[str, Any]:
-    """Return all figures and their conditions, JSON-ready; times are processor time unless named wall.
+    """Return all figures and their conditions, JSON-ready; times are processor time unless named wall. What cannot be
+    measured here, such as workers of Ray where none start, stands in ``not_measured`` with the reason.
 
     count: sentences of each timing. n_memory: ten-word sentences of the memory measurement. advance: called with the
     name of the next measurement.
@@ -61,11 +62,13 @@ def measure(lexicon: str, count: int, n_memory: int, advance: Advance, seed: int
             figures[name] = shards(lexicon, batches, rows)
         advance("memory")
         figures["memory"] = memory(words, n_memory, seed)
-        advance("workers")
-        figures["workers"] = growth(lexicon, words, count, seed, None)
-        with suppress(MissingExtraError):
-            advance("workers of Ray")
-            figures["ray"] = growth(lexicon, words, count, seed, "local")
+        figures["not_measured"] = {}
+        for name, what, ray in (("workers", "workers", None), ("ray", "workers of Ray", "local")):
+            advance(what)
+            try:
+                figures[name] = growth(lexicon, words, count, seed, ray)
+            except SignspliceError as error:
+                figures["not_measured"][what] = str(error)
     figures["core_hours"] = core_hours(figures)
     return figures
 
@@ -228,6 +231,8 @@ def page(found: Mapping[str, Any]) -> str:
     rates = [(kind, row) for kind, name in (("processes", "workers"), ("Ray", "ray")) for row in found.get(name, ())]
     rows = [(f"{r['workers']:.0f}, {kind}", f"{r['sentences_a_second']:.2f}", f"{r['ratio']:.2f}") for kind, r in rates]
     lines += _table(("workers", "sentences a second, wall", "ratio"), rows)
+    for what, why in found.get("not_measured", {}).items():
+        lines += ["", f"No figures of {what}: {why}"]
     rows = [(f"{stage['sentences']:,}", f"{stage['mb']:.0f}") for stage in found["memory"]]
     lines += _table(("ten-word sentences made by one process", "resident memory, MB"), rows)
     return "\n".join(lines) + "\n"

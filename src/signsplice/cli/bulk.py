@@ -13,7 +13,7 @@ import click
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEEDS, combine_options, option, preset
-from signsplice.cli.terminal import require, size, warn
+from signsplice.cli.terminal import open_console, require, size, warn
 from signsplice.errors import InputError
 
 if TYPE_CHECKING:
@@ -276,7 +276,6 @@ def _open_progress_bar(what: str) -> Iterator[Callable[[RunProgress], None] | No
         yield None
         return
     import rich.progress as bars
-    from rich.console import Console
 
     columns = (
         bars.TextColumn("{task.description}"),
@@ -286,7 +285,7 @@ def _open_progress_bar(what: str) -> Iterator[Callable[[RunProgress], None] | No
         bars.TimeRemainingColumn(elapsed_when_finished=True),
         bars.TextColumn("{task.fields[failed]}"),
     )
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=600) as bar:
+    with bars.Progress(*columns, console=open_console(), transient=True, speed_estimate_period=600) as bar:
         task = bar.add_task(what, start=False, total=None, rate="", failed="")
 
         def advance(state: RunProgress) -> None:

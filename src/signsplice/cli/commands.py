@@ -11,7 +11,7 @@ import click
 
 from signsplice.cli import bench, bulk, files, lexicon, service, splicing, synth
 from signsplice.cli.plugins import OpenGroup
-from signsplice.cli.terminal import with_option_names
+from signsplice.cli.terminal import visible, visible_output, with_option_names
 from signsplice.errors import InputError, SignspliceError
 
 _OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -31,6 +31,12 @@ for _room in (splicing, bench, files, lexicon, synth, bulk, service):
 
 def run(commands: click.Group) -> tuple[str, int]:
     """Run the command of this process; return its error message, empty without an error, and its exit status."""
+    with visible_output():
+        message, status = _run(commands)
+    return visible(message), status
+
+
+def _run(commands: click.Group) -> tuple[str, int]:
     try:
         commands.main(standalone_mode=False)
         if sys.stdout is not None:

@@ -21,7 +21,7 @@ from signsplice.cli.clips import (
     write,
 )
 from signsplice.cli.options import AS_JSON, option, preset, two_numbers
-from signsplice.cli.terminal import warn
+from signsplice.cli.terminal import one_line, warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
 
@@ -48,11 +48,11 @@ def inspect(file: str, as_json: bool) -> None:
         if key == "roles":
             print(f"roles      {len(value)} found")
             for role, joint in value.items():
-                print(f"           {role:24} {joint}")
+                print(f"           {role:24} {one_line(joint)}")
         elif isinstance(value, list):
             print(f"{key:10} {'none' if not value else ''}".rstrip())
             for line in value:
-                print(f"           {line}")
+                print(f"           {one_line(line)}")
         else:
             print(f"{key:10} {value}")
 
@@ -89,7 +89,8 @@ def convert(
     if Path(output).suffix.lower() == ".vrm":
         raise InputError(f"{output}: an avatar is not written; name a .vrma, .glb or .bvh")
     check_outputs(output, report, inputs=[source, body, *faces])
-    clip = load(source, face=faces_of([source], faces)[0], face_offset=face_offset)
+    # The retargeting warns of the clip itself.
+    clip = load(source, warns=body is None, face=faces_of([source], faces)[0], face_offset=face_offset)
     if mouth is not None:
         clip = _mouthing(clip, mouth)
     if body is None:

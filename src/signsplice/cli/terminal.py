@@ -1,4 +1,4 @@
-"""Warnings and progress on standard error, and checks for packages that a command needs."""
+"""What commands print: text with its hidden characters shown, warnings, progress; checks for packages they need."""
 
 from __future__ import annotations
 
@@ -7,23 +7,69 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, TextIO
 
 from signsplice.errors import MissingExtraError
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 _LONG = 500
 """Minimum number of steps for which progress is printed without a terminal."""
+_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Controls of ASCII and Latin-1 but tab and line feed, marks that break lines or override their direction (Unicode
+Standard Annex 9), and surrogates, which stand for bytes of file names that are not UTF-8.
+"""
+
+
+def visible(text: str) -> str:
+    r"""Return a text with its hidden characters as escapes: ``\x1b``, or from 7f ``\u009b``, as JSON reads them."""
+    return _HIDDEN.sub(lambda c: f"\\x{ord(c[0]):02x}" if c[0] < " " else f"\\u{ord(c[0]):04x}", text)
+
+
+def one_line(text: str) -> str:
+    """Return ``visible(text)`` with its line feeds as escapes too."""
+    return visible(text).replace("\n", "\\x0a")
+
+
+class VisibleStream:
+    """A text stream that shows hidden characters: names in a file from elsewhere could move the cursor or forge lines.
+
+    raw: receives the text.
+    """
+
+    def __init__(self, raw: TextIO) -> None:
+        self.raw = raw
+
+    def write(self, text: str) -> int:
+        """Write a text, visibly, unless it is the end of a line that the next one replaces."""
+        return self.raw.write(text if text == "\r" else visible(text))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+
+@contextmanager
+def visible_output() -> Iterator[None]:
+    """Show hidden characters on standard output and standard error."""
+    streams = sys.stdout, sys.stderr
+    try:
+        sys.stdout, sys.stderr = (stream and VisibleStream(stream) for stream in streams)
+        yield
+    finally:
+        sys.stdout, sys.stderr = streams
 
 
 def warn(lines: Iterable[str]) -> None:
     """Write each line as a warning to standard error."""
     for line in lines:
-        print(f"warning: {line}", file=sys.stderr)
+        print(f"warning: {one_line(line)}", file=sys.stderr)
 
 
 def note(lines: Iterable[str]) -> None:
     """Write each line as a note to standard error."""
     for line in lines:
-        print(f"note: {line}", file=sys.stderr)
+        print(f"note: {one_line(line)}", file=sys.stderr)
 
 
 def size(n_bytes: int) -> str:
@@ -38,6 +84,13 @@ def require(what: str, extra: str, *modules: str) -> None:
         raise MissingExtraError(f"{what} {missing}; install it with: pip install '.[{extra}]' in signsplice's folder")
 
 
+def open_console() -> Console:
+    """Return a console of Rich on standard error, which gets Rich's own control sequences as they are."""
+    from rich.console import Console
+
+    return Console(file=getattr(sys.stderr, "raw", sys.stderr))
+
+
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     """Show a progress bar on standard error if that is a terminal, otherwise a line for each tenth of long work."""
@@ -49,10 +102,9 @@ def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
 
         yield tell
         return
-    from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=open_console(), transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 

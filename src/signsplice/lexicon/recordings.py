@@ -8,21 +8,26 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 import os
 import re
+import subprocess
+import sys
 import unicodedata
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from signsplice.children import parent_death_hook
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import AS_WRITTEN, READ_SUFFIXES, ReadAs, roles
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.gloss import fold, gloss_of, kind_of
+from signsplice.rig.align import list_names
 from signsplice.rig.roles import CHANNELS
 
 TABLE = "glosses.csv"
@@ -203,11 +208,13 @@ class ArchiveRecipe:
     pattern: matches the end of a file's path in the archive, without its suffix; has some of ``_GROUPS``.
     kinds: values of the group ``kind``, best first: forms of one recording.
     unread: suffix of the names of further files of a word that are not read, and the reason.
+    file: the file that it was read from; empty for a shipped one.
     """
 
     pattern: re.Pattern[str]
     kinds: tuple[str, ...] = ()
     unread: tuple[str, str] = ("", "")
+    file: str = ""
 
 
 def _recipe(pattern: str, *kinds: str, unread: tuple[str, str] = ("", "")) -> ArchiveRecipe:
@@ -240,8 +247,8 @@ def find_recipe(name: str) -> ArchiveRecipe:
     if not isinstance(pattern, str) or not isinstance(kinds, list) or not all(isinstance(kind, str) for kind in kinds):
         raise FormatError(f"is no recipe, expected {_SHAPE}", file=name)
     try:
-        recipe = _recipe(pattern, *kinds)
-    except re.error as error:
+        recipe = replace(_recipe(pattern, *kinds), file=name)
+    except (re.error, OverflowError, RecursionError) as error:
         raise FormatError(f"pattern: {error}", file=name) from error
     groups = recipe.pattern.groupindex
     if "gloss" not in groups or not {*groups} <= {*_GROUPS}:
@@ -251,27 +258,58 @@ def find_recipe(name: str) -> ArchiveRecipe:
     return recipe
 
 
+_MATCH_S = 10.0, 1e-3
+"""Time in which the pattern of a file must match all names, seconds, and further ones for each name: a loaded machine
+needs a second to start the process, and patterns that ship need some microseconds for a name.
+"""
+_MATCH_IN_PROCESS = (
+    "import json, re, sys; pattern, names = json.load(sys.stdin)\n"
+    "for match in map(re.compile(pattern, re.DOTALL).match, names):\n"
+    "  print(json.dumps(match and match.groupdict()), flush=True)"
+)
+
+
+def _match(recipe: ArchiveRecipe, names: Sequence[str]) -> list[dict[str, str | None] | None]:
+    """Return the groups of each name, None where the pattern does not match. The pattern of a file is matched in a
+    process with a time limit: some patterns need longer than a life for a short name, and nothing else stops ``re`` on
+    every system. Raises ``FormatError`` if it takes too long.
+    """
+    if not recipe.file:
+        return [match and match.groupdict() for match in map(recipe.pattern.match, names)]
+    limit_s, call = _MATCH_S[0] + _MATCH_S[1] * len(names), [sys.executable, "-I", "-S", "-c", _MATCH_IN_PROCESS]
+    asked = json.dumps([recipe.pattern.pattern, names]).encode()
+    try:
+        run = subprocess.run(
+            call, input=asked, capture_output=True, timeout=limit_s, check=True, preexec_fn=parent_death_hook()
+        )
+    except (subprocess.TimeoutExpired, subprocess.CalledProcessError) as error:
+        name = names[min((error.output or b"").count(b"\n"), len(names) - 1)]
+        what = f"pattern takes over {limit_s:.0f} s, or all memory, at the name {name[-200:]!r}; simplify it: no (a+)+"
+        raise FormatError(what, file=recipe.file) from None
+    return [json.loads(line) for line in run.stdout.splitlines()]
+
+
 def _recordings(
-    folder: Path, files: Iterable[Path], recipe: ArchiveRecipe, signer: str
+    folder: Path, files: Sequence[Path], recipe: ArchiveRecipe, signer: str
 ) -> tuple[list[WordFile], list[str]]:
     """Return the words of an archive by gloss, and a line for each file and folder without a word."""
     ranked: defaultdict[tuple[str, str], list[tuple[Any, Path]]] = defaultdict(list)
     used, left_out = set(), []
-    for path in files:
+    names = [path.relative_to(folder).as_posix().removesuffix(path.suffix) for path in files]
+    for path, groups in zip(files, _match(recipe, names), strict=True):
         used.add(path.parent)
-        match = recipe.pattern.match(path.relative_to(folder).as_posix().removesuffix(path.suffix))
-        if match is None:
+        if groups is None:
             left_out.append(f"{path}: its path does not fit the recipe")
             continue
-        groups = match.groupdict()
         try:
-            gloss = gloss_of(groups["gloss"].replace("_", " "))
+            gloss = gloss_of((groups["gloss"] or "").replace("_", " "))
         except InputError as error:
             left_out.append(f"{path}: {error}")
             continue
         parts = [groups.get("variant"), groups.get("alt") and "ALT", groups.get("spelled") and "SPELLED"]
         ranked[gloss, "-".join(filter(None, parts))].append((_preference(groups, recipe.kinds), path))
-    left_out += [f"{empty}: holds no clip" for empty in sorted(_leaves(folder) - used)]
+    empty = {path.parent for path in _visible(folder)} - used - {folder}
+    left_out += [f"{place}: holds no clip" for place in sorted(empty)]
     glosses = {gloss for gloss, variant in ranked if not variant}
     words = []
     for gloss, variant in sorted(ranked, key=lambda key: (key[0], len(key[1]), key[1])):
@@ -284,21 +322,11 @@ def _recordings(
     return words, left_out
 
 
-def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[list[int], int, int]:
+def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[list[int], list[int], int]:
     """Return a sort key, greater for better recordings of a word: later date, higher take, earlier kind."""
-    date = [int(number) for number in re.findall(r"\d+", groups.get("date") or "")]
+    date, take = ([int(n) for n in re.findall(r"\d+", groups.get(name) or "0")] for name in ("date", "take"))
     kind = groups.get("kind")
-    return date, int(groups.get("take") or 0), -kinds.index(kind) if kind in kinds else -len(kinds)
-
-
-def _leaves(folder: Path) -> set[Path]:
-    """Return the folders below ``folder`` that hold files, except hidden ones."""
-    leaves = set()
-    for parent, subfolders, names in os.walk(folder):
-        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        if names and Path(parent) != folder:
-            leaves.add(Path(parent))
-    return leaves
+    return date, take, -kinds.index(kind) if kind in kinds else -len(kinds)
 
 
 def find_word_files(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[WordFile], list[str]]:
@@ -373,14 +401,37 @@ def _is_archive(recipe: str) -> bool:
     return bool(recipe) and not recipe.lower().endswith(".csv")
 
 
-def unread(folders: Iterable[str | Path], recipe: str) -> tuple[str, ...]:
-    """Return lines about files of archives that hold further data of words and are not read."""
+_READ_WITH = (".bin", ".sigml")
+"""Suffixes of files that are read with others, or as words: buffers of glTF, and written signs."""
+_MOST_KINDS = 8
+"""Most kinds of files that are counted apart."""
+
+
+def unread(folders: Iterable[str | Path], words: Iterable[WordFile], recipe: str = "") -> tuple[str, ...]:
+    """Return lines about files that are not read: those of an archive that hold further data of words, and files of
+    other kinds, which are neither clips nor faces, roles or tables of the words.
+    """
     end, reason = find_recipe(recipe).unread if _is_archive(recipe) else ("", "")
-    lines = []
-    for folder in folders if end else ():
-        count = sum(name.endswith(end) for _, _, names in os.walk(folder) for name in names)
-        lines += [f"{count} files ...{end} not read: {reason}"] if count else []
+    named = {TABLE, Path(recipe).name, *(Path(name).name for word in words for name in (word.row.face, word.row.roles))}
+    paths = {path for folder in folders for path in _visible(Path(folder)) if path.name not in named}
+    read = {path for path in paths if path.suffix.lower() in (*READ_SUFFIXES, *_READ_WITH)}
+    stems = {path.with_suffix("") for path in read}
+    faces = {path for path in paths if path.suffix.lower() == ".csv" and path.with_suffix("") in stems}
+    further = {path for path in paths if end and path.name.endswith(end)}
+    lines = [f"{len(further)} files ...{end} not read: {reason}"] if further else []
+    kinds = Counter(path.suffix.lower() or "no suffix" for path in paths - read - faces - further)
+    if kinds:
+        ranked = sorted(kinds.items(), key=lambda row: (-row[1], row[0]))
+        shown = list_names([f"{kind} {count}" for kind, count in ranked], _MOST_KINDS)
+        lines.append(f"{kinds.total()} file{'s' * (kinds.total() != 1)} of other kinds left: {shown}")
     return tuple(lines)
+
+
+def _visible(folder: Path, fail: Callable[[OSError], None] | None = None) -> Iterator[Path]:
+    """Yield every file below a folder, except hidden ones; ``fail`` gets the error of a folder that cannot be read."""
+    for parent, subfolders, names in os.walk(folder, onerror=fail):
+        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
+        yield from (Path(parent, name) for name in names if not name.startswith("."))
 
 
 def _files(folder: Path) -> list[Path]:
@@ -391,11 +442,7 @@ def _files(folder: Path) -> list[Path]:
     def fail(error: OSError) -> None:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
 
-    paths = []
-    for parent, subfolders, names in os.walk(folder, onerror=fail):
-        subfolders[:] = [name for name in subfolders if not name.startswith(".")]
-        visible = [Path(parent, name) for name in names if not name.startswith(".")]
-        paths += [path for path in visible if path.suffix.lower() in READ_SUFFIXES]
+    paths = [path for path in _visible(folder, fail) if path.suffix.lower() in READ_SUFFIXES]
     if not paths:
         raise InputError(f"{folder}: no clips in it, expected files that end in {' or '.join(READ_SUFFIXES)}")
     return sorted(paths, key=lambda path: path.relative_to(folder).as_posix())
