@@ -131,7 +131,7 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
     loaded = [load(path, warns=False, face=face, face_offset=face_offset) for path, face in clip_faces]
     load_ms = 1e3 * (time.perf_counter() - began)
     result = engine.splice(loaded, options)
-    _note_rates(loaded, result.clip.fps)
+    _note_rates(loaded, result, options)
     target.deliver(result, load_ms)
 
 
@@ -196,7 +196,7 @@ def sentence(
     note(unit.note for unit in units if unit.note)
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses, owns.get), options)
-    _note_rates(clips.values(), result.clip.fps)
+    _note_rates(clips.values(), result, options)
     report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
     target.deliver(result, load_ms, report_keys)
 
@@ -249,12 +249,14 @@ def _splice_options(
     return options if onto is None else replace(options, onto=load(onto))
 
 
-def _note_rates(clips: Iterable[Clip], fps: float) -> None:
-    """Note the clips that were brought to another frame rate, that of the sentence."""
+def _note_rates(clips: Iterable[Clip], result: SpliceResult, options: SpliceOptions) -> None:
+    """Note the clips that were brought to another frame rate, that of the sentence, unless the user gave it."""
     from signsplice.rig.align import list_names
 
-    others = list(dict.fromkeys(f"{clip.name} ({clip.fps:.6g})" for clip in clips if abs(clip.fps - fps) > 1e-3 * fps))
-    note([f"brought to the sentence's {fps:.6g} fps: {list_names(others)}"] if others else [])
+    fps = result.clip.fps
+    others = [f"{clip.name} ({clip.fps:.6g})" for clip in clips if abs(clip.fps - fps) > 1e-3 * fps]
+    if others and options.fps is None:
+        note([f"brought to the sentence's {fps:.6g} fps: {list_names(list(dict.fromkeys(others)))}"])
 
 
 def _networks(

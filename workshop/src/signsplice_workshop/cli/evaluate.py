@@ -103,9 +103,7 @@ def pairs(folder: str, limit: int | None, bundle: str | None) -> Measured:
 @click.option("--picture", metavar="FILE.png", help="Also draw eight words on five bodies; takes minutes.")
 @_FPS
 @reads_clips
-def bodies(
-    n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None, roles: str | None
-) -> Measured:
+def bodies(n_words: int | None, files: tuple[str, ...], picture: str | None, fps: float | None) -> Measured:
     """What words (40 that ship), or clips, keep on other bodies."""
     from signsplice_workshop.measure import bodies as measuring
 
