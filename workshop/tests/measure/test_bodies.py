@@ -157,7 +157,7 @@ def test_the_command_takes_captures_for_words(monkeypatch: pytest.MonkeyPatch) -
     from signsplice_workshop.cli import evaluate
 
     monkeypatch.setattr(bodies.compare, "__defaults__", ({"small head": BODIES["small head"]}, None))
-    monkeypatch.setattr(evaluate, "load", lambda file, roles: CLIP)
+    monkeypatch.setattr(evaluate, "load", lambda file: CLIP)
     call = ["evaluate", "bodies", "--clips", "x.bvh", "--json"]
     printed = json.loads(CliRunner().invoke(app, call, catch_exceptions=False).stdout)
     assert printed["signature"] == bodies.signature()
