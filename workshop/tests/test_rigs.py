@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from rigs import KINDS, attack
+from pathlib import Path
+
+import numpy as np
+
+from rigs import KINDS, attack, judge_rig
 
 
 def test_no_random_rig_is_spliced_wrongly_in_silence() -> None:
@@ -18,3 +22,12 @@ def test_no_random_rig_is_spliced_wrongly_in_silence() -> None:
         "joint axes by up to 25 degrees, on the first's body",
     ):
         assert [what for what, _ in seen[name]] == ["right"] * 2, name
+
+
+def test_hips_without_legs_face_as_the_body_does(tmp_path: Path) -> None:
+    """Names of an upper body alone, joint axes and the world's axes at random: the hips have one bone."""
+    kind = KINDS["all of these at once, on the first's body"]
+    for number in (335, 478):
+        verdict, error_cm = judge_rig(kind, np.random.default_rng([0, number]), tmp_path)
+        assert verdict == "warned", "legs hold their pose"
+        assert error_cm < 1.0

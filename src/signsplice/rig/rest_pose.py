@@ -191,12 +191,16 @@ def _axes_like(
     scale = size_ratio(source, target, pairs) / longest
     axes = np.array(pose)
     turns = np.tile(rotation.IDENTITY, (len(target), 1))
+    first = min(pairs)
     for joint in sorted(pairs):
         source_joint, parent = pairs[joint], int(target.parents[joint])
         children = [child for child in target.children[joint] if child in pairs]
         if any(source.parents[pairs[child]] != source_joint for child in children):
             return None
         above = turns[parent] if parent >= 0 else rotation.IDENTITY
+        if joint == first and len(children) < 2:  # hips without legs do not show which way the body faces
+            ours, theirs = _place_joints(target, rest)[[*pairs]], _place_joints(source, pose)[[*pairs.values()]]
+            above = _least_rotation(theirs - theirs.mean(axis=0), ours - ours.mean(axis=0))
         bones = rotation.rotate(rest[joint], target.offsets[children] / longest)
         carried = scale * source.offsets[[pairs[child] for child in children]]
         carried = rotation.rotate(rotation.multiply(above, axes[source_joint]), carried)
@@ -207,6 +211,15 @@ def _axes_like(
         turns[joint] = rotation.multiply(turn, above)
         axes[source_joint] = rotation.multiply(turns[joint], axes[source_joint])
     return axes
+
+
+def _place_joints(skeleton: Skeleton, rotations: FloatArray) -> FloatArray:
+    """Returns the positions (J, 3) of joints with global rotations (J, 4), from the root."""
+    positions = np.zeros((len(skeleton), 3))
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent >= 0:
+            positions[joint] = positions[parent] + rotation.rotate(rotations[parent], skeleton.offsets[joint])
+    return positions
 
 
 def _least_rotation(a: FloatArray, b: FloatArray) -> FloatArray:
