@@ -28,7 +28,7 @@ from signsplice.rig.align import Placement, find_placement, placement
 from signsplice.rig.inspection import MotionSpan, clip_warnings, find_motion_span, list_clip_warnings, motion_span
 from signsplice.rig.keyedness import Keyedness, judge_clip, judge_keyedness
 from signsplice.splicing import features
-from signsplice.splicing.carriage import find_freedom, measure_freedom
+from signsplice.splicing.carriage import find_freedom, find_hand_offsets, measure_freedom
 from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.learned import LearnedCutter, WordEnd
 from signsplice.splicing.options import choose
@@ -45,6 +45,7 @@ _NUMBER, _HEIGHT = "<f8", "<f4"
 """Types of the numbers on a card."""
 CARD_VALUES: tuple[Callable[[Clip], Any], ...] = (
     find_motion_span, list_clip_warnings, find_placement, judge_clip, find_owned_channels, find_freedom,
+    find_hand_offsets,
 )  # fmt: skip
 """The derived values of a clip that a card holds, besides the ends that a cutter reads."""
 
@@ -84,6 +85,7 @@ def make_card(clip: Clip, sha256: str, cutter: Cutter | None = None) -> bytes:
         "placement": [part.tolist() for part in (standing.position, standing.up, standing.forward)],
         "keyed": [keyed.is_keyed, keyed.fraction, keyed.every, keyed.reason],
         "owns": sorted(owned_channels(clip)),
+        "hands": clip.derived[find_hand_offsets].tolist(),
         "ends": [[end.first, end.active, end.stroke, len(end.heights), len(end.scores)] for end in ends],
     }
     numbers = [measure_freedom(clip).astype(_NUMBER).tobytes()]
@@ -99,7 +101,7 @@ def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dic
         head = json.loads(line)
         if head["key"] != _key(stored.sha256):
             return {}
-        free, numbers = _array(numbers, _NUMBER, len(clip), 2)
+        free, numbers = _array(numbers, _NUMBER, len(clip), 4)
         position, up, forward = (np.array(part, np.float64).reshape(3) for part in head["placement"])
         start, stop, lines = head["motion"]
         values: dict[Callable[[Clip], Any], Any] = {
@@ -109,6 +111,7 @@ def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dic
             judge_clip: Keyedness(*head["keyed"]),
             find_owned_channels: frozenset(head["owns"]),
             find_freedom: free,
+            find_hand_offsets: np.array(head["hands"], np.float64).reshape(2, 3),
         }
         if reader is not None and head["cutter"] == _cutter_key(reader):
             ends = []

@@ -90,14 +90,16 @@ _STEP_S = 0.1
 
 
 def measure_freedom(clip: Clip) -> FloatArray:
-    """Returns how far (T, 2) head and trunk may turn in the frames of a clip: 0 while a hand is at them, to 1."""
+    """Returns how far head and trunk may turn in the frames of a clip, 0 while a hand is at them, to 1, and how far the
+    left and the right hand are raised, 0 to 1: (T, 4).
+    """
     return clip.derived[find_freedom]
 
 
 def find_freedom(clip: Clip) -> FloatArray:
-    """Measures how far head and trunk may turn, for ``measure_freedom``."""
-    frames = sparse(len(clip), _STEP_S * clip.fps)
-    is_raised = arms(clip).lift[frames] > REST.hanging_height
+    """Measures how far head and trunk may turn, and hands are raised, for ``measure_freedom``."""
+    frames, lift = sparse(len(clip), _STEP_S * clip.fps), arms(clip).lift
+    is_raised = lift[frames] > REST.hanging_height
     raised = is_raised.any(axis=1)
     global_rotations, positions = kinematics.forward(at_frames(clip, frames[raised]))
     posed = collision.pose_capsules(clip.skeleton, global_rotations, positions)
@@ -115,7 +117,8 @@ def find_freedom(clip: Clip) -> FloatArray:
             touched = np.where(is_raised[raised, side], np.clip((distances - near) / (far - near), 0.0, 1.0), 1.0)
             free[raised, part] = np.minimum(free[raised, part], touched)
     # The least of half a second: hands that tremble near the head do not shake it.
-    return between(minimum_jerk(scipy.ndimage.minimum_filter1d(free, 5, axis=0, mode="nearest")), frames)
+    free = between(minimum_jerk(scipy.ndimage.minimum_filter1d(free, 5, axis=0, mode="nearest")), frames)
+    return np.hstack([free, minimum_jerk(np.clip(lift / REST.hanging_height, 0.0, 1.0))])
 
 
 def _hand_joints(skeleton: Skeleton) -> tuple[list[int], list[int]]:
@@ -253,13 +256,13 @@ def _word_freedom(word: AlignedWord) -> FloatArray:
     a hand is at them, to 1.
     """
     measured = word.measured or word.clip
-    lift, free = arms(measured).lift, measure_freedom(measured)
+    free = measure_freedom(measured)
     recorded = np.ones((len(free), 3))
-    recorded[:, :2] = free
+    recorded[:, :2] = free[:, :2]
     for side, channel in enumerate(CHANNELS[:2]):
         if channel not in word.paths:  # else it hangs in its clip, but not in the sentence
-            raised = minimum_jerk(np.clip(lift[:, side] / REST.hanging_height, 0.0, 1.0))
-            recorded[:, 1] = np.minimum(recorded[:, 1], POSTURE.hanging + (1.0 - POSTURE.hanging) * raised)
+            least = POSTURE.hanging + (1.0 - POSTURE.hanging) * free[:, 2 + side]
+            recorded[:, 1] = np.minimum(recorded[:, 1], least)
     recorded[:, _is_fixed(word)] = 0.0
     shown = np.arange(len(word.retimed)) if word.frames.sources is None else word.frames.sources
     rows = shown if measured is word.clip else shown * word.own_step  # frames of the caller's clip
@@ -276,7 +279,7 @@ def _towards_hands(word: AlignedWord) -> FloatArray:
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns]
     angles = np.zeros(6)
     if owned:
-        x = (word.measured or word.clip).derived[_hand_offsets][owned, 0].mean()
+        x = (word.measured or word.clip).derived[find_hand_offsets][owned, 0].mean()
         angles[[1, 4]] = x * np.array(POSTURE.towards_hands_deg)
     if word.brow is not None:
         angles[:3] += POSTURE.raised_deg if word.brow == "raised" else POSTURE.furrowed_deg
@@ -286,12 +289,12 @@ def _towards_hands(word: AlignedWord) -> FloatArray:
 def _towards_eyes(word: AlignedWord) -> FloatArray:
     """Returns the angles (2,) of the eyes to the hands of a word, down and to the left, degrees."""
     owned = [side for side in (0, 1) if CHANNELS[side] in word.owns] or [0, 1]
-    x, y, z = (word.measured or word.clip).derived[_hand_offsets][owned].mean(axis=0)
+    x, y, z = (word.measured or word.clip).derived[find_hand_offsets][owned].mean(axis=0)
     angles = np.rad2deg([np.arctan2(POSTURE.eye_height - y, np.hypot(x, z)), np.arctan2(x, z)])
     return np.clip(angles, -POSTURE.eyes_deg, POSTURE.eyes_deg)
 
 
-def _hand_offsets(clip: Clip) -> FloatArray:
+def find_hand_offsets(clip: Clip) -> FloatArray:
     """Returns mean offsets (2, 3) of the hands from between the shoulders, left, up and forward, arm lengths."""
     motion, (start, stop) = arms(clip), active_span(arms(clip))
     wrists, _ = hands_in_trunk_axes(motion)
