@@ -194,7 +194,7 @@ def _poses(meeting: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, mo
         middle = hand.mean(axis=0)
         radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _SETTINGS.comparison_m
         points, normals = other_skin.deform(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
-        tree = scipy.spatial.cKDTree(metres * points + by)
+        tree = scipy.spatial.cKDTree(metres * points + by, compact_nodes=False, balanced_tree=False)
         distances = np.asarray(tree.query(hand, distance_upper_bound=_SETTINGS.comparison_m)[0])
         hand = hand[distances < min(_SETTINGS.comparison_m, distances.min() + _SETTINGS.hand_layer_m)]
         poses.append(_Pose(hand, tree, normals) if len(hand) else None)

@@ -86,6 +86,8 @@ class SurfaceSettings:
     """Least cosine between the normals of two points that face the same way."""
     comparison_m: float = 0.03
     """Largest distance of points of two skins that are compared, m."""
+    patch_m: float = 0.04
+    """Size of a patch of points that is tested as a whole, m."""
 
 
 _SURFACE = SurfaceSettings()
@@ -261,14 +263,17 @@ class SkinSurface:
         points, normals, weights = self.points, self.normals, self.weights
         if around is not None:
             places = np.einsum("kba,kb->ka", turn, around[0] - pivots) + self.origins  # as each joint sees it at rest
-            is_close = np.linalg.norm(points - places[self._main], axis=1) < around[1] + _SURFACE.blend_distance_m
-            points, normals, weights = points[is_close], normals[is_close], weights[is_close]
+            most, patches = around[1] + _SURFACE.blend_distance_m, self._patches
+            is_near = _distances(patches.middles, places[patches.main]) < most + patches.radii
+            near = np.flatnonzero(is_near[patches.of_points])
+            near = near[_distances(points[near], places[self._main[near]]) < most]
+            points, normals, weights = points[near], normals[near], weights[near]
         move = pivots - np.einsum("kab,kb->ka", turn, self.origins)
         blend = (weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
         normals = np.einsum("nab,nb->na", blend, normals)
         points = np.einsum("nab,nb->na", blend, points) + weights @ move
         if around is not None:
-            is_close = np.linalg.norm(points - around[0], axis=1) < around[1]
+            is_close = _distances(points, around[0]) < around[1]
             points, normals = points[is_close], normals[is_close]
         return points, normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12)
 
@@ -276,6 +281,40 @@ class SkinSurface:
     def _main(self) -> NDArray[np.intp]:
         """The column (N,) of the joint with the largest weight in each point."""
         return np.asarray(self.weights.argmax(axis=1))
+
+    @cached_property
+    def _patches(self) -> _Patches:
+        """The points in patches of some centimetres."""
+        cells = np.column_stack([self._main, np.floor(self.points / _SURFACE.patch_m).astype(np.int64)])
+        _, of_points, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        of_points = of_points.reshape(-1)
+        middles, radii, main = np.zeros((len(counts), 3)), np.zeros(len(counts)), np.zeros(len(counts), np.intp)
+        np.add.at(middles, of_points, self.points)
+        middles /= counts[:, None]
+        np.maximum.at(radii, of_points, _distances(self.points, middles[of_points]))
+        main[of_points] = self._main
+        return _Patches(of_points, middles, radii * (1.0 + 1e-9), main)
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """P patches of a surface of N points, each carried mainly by one joint; far ones are left out as a whole.
+
+    of_points: (N,) the patch of each point.
+    middles, radii: (P, 3) and (P,) of balls about them in the rest pose, m.
+    main: (P,) the column of the joint that carries each.
+    """
+
+    of_points: NDArray[np.intp]
+    middles: FloatArray
+    radii: FloatArray
+    main: NDArray[np.intp]
+
+
+def _distances(points: FloatArray, places: FloatArray) -> FloatArray:
+    """Returns the distances (N,) of points (N, 3) from places (N, 3), or from one (3,)."""
+    offsets = points - places
+    return np.asarray(np.sqrt(offsets[:, 0] ** 2 + offsets[:, 1] ** 2 + offsets[:, 2] ** 2))
 
 
 @dataclass(frozen=True, eq=False)
