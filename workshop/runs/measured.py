@@ -400,8 +400,8 @@ def make_bench_page(by_name: Mapping[str, Figures]) -> tuple[list[str], list[Seq
     learned, stream = parts["learned"], parts["stream"]
     lines = [
         *wrap_prose(f"""
-            - A seam takes {learned["seam, p50, ms"]:.1f} ms by the default (99 %: {learned["seam, p99, ms"]:.1f} ms), a
-              sentence of ten words {learned["sentence of 10 words, ms"]:.0f} ms.
+            - A seam of two words of a lexicon takes {learned["seam, p50, ms"]:.1f} ms of processor time by the default
+              (99 %: {learned["seam, p99, ms"]:.1f} ms), of ten words {learned["seam of ten words, ms"]:.1f} ms each.
             - The first piece of a stream is there after {stream["first piece, ms"]:.1f} ms.
         """),
         "",

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import cycle, islice
+from itertools import count, cycle, islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,22 +24,33 @@ import numpy as np
 
 from signsplice.formats import bvh, load, save
 from signsplice.lexicon import building, open_lexicon, open_shipped_lexicon
-from signsplice.motion import Clip, concatenate, kinematics, resample, rotation
+from signsplice.motion import Clip, FloatArray, concatenate, kinematics, resample, rotation
 from signsplice.progress import Progress, track_progress
 from signsplice.rig.info import active_span, arms
+from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.contracts import Cut, Cutter, Gap
 from signsplice.splicing.curves import TRANSITIONS
 from signsplice.splicing.cutters import CUTTERS, search_window
-from signsplice.splicing.engine import SpliceOptions, splice, stream
-from signsplice.splicing.learned import LearnedCutter, WordReader
+from signsplice.splicing.engine import SpliceOptions, Stream, splice, stream
+from signsplice.splicing.learned import LearnedCutter
 from signsplice.splicing.options import choose
 
 
 def milliseconds(run: Callable[[], object]) -> float:
-    """Measure the wall-clock time of one call, ms."""
-    start = time.perf_counter()
+    """Measure the processor time of one call, with that of processes that it waits for, ms."""
+    start, start_of_others = time.process_time(), _others_seconds()
     run()
-    return 1e3 * (time.perf_counter() - start)
+    return 1e3 * (time.process_time() - start + _others_seconds() - start_of_others)
+
+
+def _others_seconds() -> float:
+    """Return the processor time of processes that this one has waited for, seconds; 0 where no system tells."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0.0
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float]:
@@ -50,12 +61,10 @@ def median_milliseconds(repeats: int, *runs: Callable[[], object]) -> list[float
     return [median(column) for column in zip(*times, strict=True)]
 
 
-def forget(clips: Iterable[Clip], reader: WordReader | None = None) -> None:
-    """Clear cached features of clips, so that the next call computes them again."""
+def forget(clips: Iterable[Clip]) -> None:
+    """Clear derived values of clips, so that the next call computes them again."""
     for clip in clips:
         clip.derived.clear()
-        if reader is not None:
-            reader.forget(clip)
 
 
 N_STREAM = 1000
@@ -64,74 +73,80 @@ N_WARM_UP = 20
 """Number of seams before the first timed one."""
 
 
+def _sentences(n_words: int, count: int, warm: int = N_WARM_UP) -> Iterator[list[Clip]]:
+    """Yield sentences of shipped words as a caller gets them from the lexicon: new clips, with cards. The first
+    ``warm`` ones are spliced, and not yielded.
+    """
+    rng = np.random.default_rng(n_words)
+    with open_shipped_lexicon() as words:
+        glosses = list(words)
+        for n in range(count + warm):
+            clips = [words.clip(glosses[k]) for k in rng.choice(len(glosses), n_words, replace=False)]
+            if n < warm:
+                splice(clips)
+            else:
+                yield clips
+
+
+def _without_card(clip: Clip, number: int) -> Clip:
+    """Return a clip of which nothing is known: it stands some nanometres aside."""
+    roots = clip.root_positions + 1e-9 * (number + 1)
+    return Clip(clip.skeleton, clip.local_rotations, roots, clip.fps, clip.name)
+
+
 def _learned_seams(repeats: int) -> dict[str, Any]:
-    """Measure the time of whole seams (features, cut, duration, transition, collision avoidance, join, scores), of the
-    networks in them, and of a ten-word sentence; each with other shipped words. "by the networks alone" is the ratio
-    of a seam's time to that of its networks.
+    """Measure the time of whole seams as a caller pays for them (features, cut, duration, transition, collision
+    avoidance, join, scores): of words of a lexicon, with cards; of clips of which nothing is known; of ten words; of
+    many sentences at once; and of the networks in them. The baseline joins two words by slerp at constant speed.
     """
     cutter = choose().cutter
     if not isinstance(cutter, LearnedCutter):
         return {"networks": "none to be read"}
-    reader = cutter.reader
-    with open_shipped_lexicon() as words:
-        clips = [words.clip(gloss) for gloss in words]
-    rng = np.random.default_rng(0)
-    times, inside = [], []  # ms, of the whole call and of the networks in it
-    for n in range(20 * repeats + N_WARM_UP):
-        pair = [clips[k] for k in rng.choice(len(clips), 2, replace=False)]
-        forget(pair, reader)
-        seconds = reader.sessions.seconds
-        took = milliseconds(partial(splice, pair))
-        if n >= N_WARM_UP:
-            times.append(took)
-            inside.append(1e3 * (reader.sessions.seconds - seconds))
-    sentences = []
-    for _ in range(repeats + 2):
-        words_of_sentence = [clips[k] for k in rng.choice(len(clips), 10, replace=False)]
-        forget(words_of_sentence, reader)
-        sentences.append(milliseconds(partial(splice, words_of_sentence)))
+    sessions, number = cutter.reader.sessions, count(1)
+    known, inside, unknown, classical, plain = [], [], [], [], []
+    for pair in _sentences(2, 20 * repeats):
+        seconds = sessions.seconds
+        known.append(milliseconds(partial(splice, pair)))
+        inside.append(1e3 * (sessions.seconds - seconds))
+        new = [_without_card(clip, next(number)) for clip in pair]
+        unknown.append(milliseconds(partial(splice, new)))
+        classical.append(milliseconds(partial(splice, pair, SpliceOptions("pose-velocity", "hermite", "fixed"))))
+        plain.append(milliseconds(partial(_join_by_slerp, *pair)))
+    ten = [milliseconds(partial(splice, clips)) / 9.0 for clips in _sentences(10, 2 * repeats)]
+    many = list(_sentences(10, 12))
+    batches = [milliseconds(partial(splice_many, many)) / (9.0 * len(many)) for _ in range(max(3, repeats // 3))]
     return {
-        "seam, p50, ms": float(np.percentile(times, 50)),
-        "seam, p99, ms": float(np.percentile(times, 99)),
+        "seam, p50, ms": float(np.percentile(known, 50)),
+        "seam, p99, ms": float(np.percentile(known, 99)),
         "of it networks, ms": median(inside),
-        "by the networks alone": median(times) / median(inside),
-        "sentence of 10 words, ms": median(sentences[2:]),
+        "seam of clips without cards, p50, ms": median(unknown),
+        "seam of ten words, ms": median(ten),
+        "seam of splice_many, ms": median(batches),
+        "classical seam, ms": median(classical),
+        "two words by slerp alone, ms": median(plain),
     }
+
+
+def _join_by_slerp(before: Clip, after: Clip) -> FloatArray:
+    """Return rotations (T, J, 4) of two whole words with eight frames at constant speed between them, the baseline."""
+    alpha = np.linspace(0.0, 1.0, 10)[1:-1, None]
+    between = rotation.slerp(before.local_rotations[-1], after.local_rotations[0], alpha)
+    return np.concatenate([before.local_rotations, between, after.local_rotations])
 
 
 def streams(repeats: int) -> dict[str, Any]:
     """Measure the time from the arrival of the second word to the first piece; and, of a long stream, the time per word
     and the ratios of its second half to its first, in time and in peak memory ("second half by first").
     """
-    cutter = choose().cutter
-    reader = cutter.reader if isinstance(cutter, LearnedCutter) else None
-    with open_shipped_lexicon() as words:
-        clips = [words.clip(gloss) for gloss in words]
-
-    def first_piece() -> float:
-        start = 0.0
-
-        def two_words() -> Iterator[Clip]:
-            nonlocal start
-            yield clips[0]
-            start = time.perf_counter()
-            yield clips[1]
-
-        forget(clips[:2], reader)
-        next(stream(two_words()))
-        return 1e3 * (time.perf_counter() - start)
-
-    def unread(count: int) -> Iterator[Clip]:
-        """Yield words in turn, each without cached features."""
-        for n in range(count):
-            forget([clips[n % len(clips)]], reader)
-            yield clips[n % len(clips)]
-
+    firsts = []
+    for before, after in _sentences(2, 4 * repeats):
+        growing = Stream()
+        growing.push(before)
+        firsts.append(milliseconds(partial(growing.push, after)))
     n_words = min(N_STREAM, 40 * repeats)
-    firsts = [first_piece() for _ in range(repeats + 3)][3:]
     peaks, seconds = [], []
     for traced in (False, True):
-        pieces = stream(unread(n_words))
+        pieces = stream(clip for (clip,) in _sentences(1, n_words, warm=0))
         for _ in range(2):
             if traced:
                 tracemalloc.start()
@@ -163,7 +178,6 @@ def measure(repeats: int = 15, progress: Progress | None = None) -> dict[str, An
         ("kinematics", _kinematics),
         ("search", _search),
         ("transition", _transitions),
-        ("seam", _seam),
         ("learned", _learned_seams),
         ("stream", streams),
         ("lexicon", _lexicon),
@@ -297,23 +311,6 @@ def _transitions(repeats: int) -> dict[str, Any]:
     return {f"{name}, 10 frames, ms": ms for name, ms in zip(TRANSITIONS, times, strict=True)}
 
 
-def _seam(repeats: int) -> dict[str, Any]:
-    """Measure a seam of two 150-frame clips with the same placement: cut, transition, and join with its scores."""
-    clips = _word_clips()
-    figures: dict[str, Any] = {}
-    for name in CUTTERS:
-        parts: dict[str, list[float]] = {"cut": [], "transition": [], "join": []}
-        for _ in range(10 * repeats):
-            forget(clips)
-            timing = splice(clips, SpliceOptions(name, "hermite", "tempo")).timing_ms
-            for part, rows in parts.items():
-                rows.append(timing[part])
-        figures[f"{name} + hermite, ms"] = median(sum(row) for row in zip(*parts.values(), strict=True))
-        if name == "rest-trim":
-            figures |= {f"of it {part}, ms": median(rows) for part, rows in parts.items()}
-    return figures
-
-
 def _lexicon(repeats: int) -> dict[str, Any]:
     """Measure opening and closing a lexicon of 6,707 words, reading a different word of 150 frames from it each time,
     and reading a BVH file of as many frames. All other words are short, so that the benchmark writes little.
@@ -370,12 +367,18 @@ def _from_file(clip: Clip) -> Clip:
 
 
 def _start(repeats: int) -> dict[str, Any]:
-    """Measure whole processes: the help, and a bare interpreter as the baseline."""
-    help_run = [sys.executable, "-m", "signsplice", "--help"]
-    bare_run = [sys.executable, "-c", "pass"]
-    ours, bare = median_milliseconds(
-        min(repeats, 9),
-        lambda: subprocess.run(help_run, capture_output=True, check=True),
-        lambda: subprocess.run(bare_run, capture_output=True, check=True),
-    )
-    return {"signsplice --help, ms": ours, "bare python, ms": bare, "ratio": ours / bare}
+    """Measure whole processes: the help, a sentence of three words as BVH and as GLB, and as baselines a bare
+    interpreter and one that imports numpy and onnxruntime.
+    """
+    signsplice = (sys.executable, "-m", "signsplice")
+    with tempfile.TemporaryDirectory() as folder:
+        calls = {
+            "bare python": (sys.executable, "-c", "pass"),
+            "numpy and onnxruntime": (sys.executable, "-c", "import numpy, onnxruntime"),
+            "signsplice --help": (*signsplice, "--help"),
+            **{f"sentence to {suffix}": (*signsplice, "sentence", "HELLO MY NAME", "-o", f"{folder}/out.{suffix}")
+               for suffix in ("bvh", "glb")},
+        }  # fmt: skip
+        runs = [partial(subprocess.run, call, capture_output=True, check=True) for call in calls.values()]
+        times = median_milliseconds(min(repeats, 9), *runs)
+    return {f"{name}, ms": took for name, took in zip(calls, times, strict=True)}

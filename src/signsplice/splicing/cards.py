@@ -15,16 +15,17 @@ import hashlib
 import json
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.motion import Clip, Skeleton
+from signsplice.motion import Clip, FloatArray, Skeleton
 from signsplice.motion.cache import CACHE
 from signsplice.motion.clip import StoredCard, stored_card
 from signsplice.rig.align import Placement, find_placement, placement
+from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import MotionSpan, clip_warnings, find_motion_span, list_clip_warnings, motion_span
 from signsplice.rig.keyedness import Keyedness, judge_clip, judge_keyedness
 from signsplice.splicing import features
@@ -32,7 +33,7 @@ from signsplice.splicing.carriage import find_freedom, find_hand_offsets, measur
 from signsplice.splicing.contracts import Cutter
 from signsplice.splicing.learned import LearnedCutter, WordEnd
 from signsplice.splicing.options import choose
-from signsplice.splicing.person import find_owned_channels, owned_channels
+from signsplice.splicing.person import find_low_places, find_owned_channels, owned_channels
 
 VERSION = 1
 """Version of cards: another one where a derived value is computed in another way."""
@@ -45,7 +46,7 @@ _NUMBER, _HEIGHT = "<f8", "<f4"
 """Types of the numbers on a card."""
 CARD_VALUES: tuple[Callable[[Clip], Any], ...] = (
     find_motion_span, list_clip_warnings, find_placement, judge_clip, find_owned_channels, find_freedom,
-    find_hand_offsets,
+    find_hand_offsets, find_low_places,
 )  # fmt: skip
 """The derived values of a clip that a card holds, besides the ends that a cutter reads."""
 
@@ -86,6 +87,10 @@ def make_card(clip: Clip, sha256: str, cutter: Cutter | None = None) -> bytes:
         "keyed": [keyed.is_keyed, keyed.fraction, keyed.every, keyed.reason],
         "owns": sorted(owned_channels(clip)),
         "hands": clip.derived[find_hand_offsets].tolist(),
+        "low": [
+            None if low is None else low[arm].tolist()
+            for low, arm in zip(clip.derived[find_low_places], _upper_and_lower_arms(clip), strict=True)
+        ],
         "ends": [[end.first, end.active, end.stroke, len(end.heights), len(end.scores)] for end in ends],
     }
     numbers = [measure_freedom(clip).astype(_NUMBER).tobytes()]
@@ -112,6 +117,7 @@ def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dic
             find_owned_channels: frozenset(head["owns"]),
             find_freedom: free,
             find_hand_offsets: np.array(head["hands"], np.float64).reshape(2, 3),
+            find_low_places: tuple(_lower_arms(clip, head["low"])),
         }
         if reader is not None and head["cutter"] == _cutter_key(reader):
             ends = []
@@ -125,6 +131,23 @@ def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dic
     except (ValueError, KeyError, TypeError, IndexError, zlib.error):
         return {}
     return values
+
+
+def _upper_and_lower_arms(clip: Clip) -> list[list[int]]:
+    """Return the joints of the left upper and lower arm, and of the right ones."""
+    joints = rig_info(clip.skeleton).arm_joints
+    return [joints[0:2], joints[3:5]]
+
+
+def _lower_arms(clip: Clip, stored: Sequence[Any]) -> Iterator[FloatArray | None]:
+    """Yield the first frame (J, 4) of a clip with the left and with the right arm at its low place; None for none."""
+    for rotations, joints in zip(stored, _upper_and_lower_arms(clip), strict=True):
+        if rotations is None:
+            yield None
+            continue
+        local = np.array(clip.local_rotations[0])
+        local[joints] = np.array(rotations, np.float64)
+        yield local
 
 
 def _array(content: bytes, kind: str, *shape: int) -> tuple[NDArray[Any], bytes]:

@@ -301,10 +301,11 @@ def find_low_place(clip: Clip, side: int) -> FloatArray | None:
     """Returns local rotations (J, 4) of a clip's first frame with one arm at its low place; None if it does not hang
     there.
     """
-    return (clip.source_clip or clip).derived[_low_places][side]
+    return (clip.source_clip or clip).derived[find_low_places][side]
 
 
-def _low_places(clip: Clip) -> tuple[FloatArray | None, FloatArray | None]:
+def find_low_places(clip: Clip) -> tuple[FloatArray | None, FloatArray | None]:
+    """Finds the low places of both arms, for ``find_low_place``: the first frame with another upper and lower arm."""
     first = at_frames(clip, slice(0, 1))
     motion, arm_joints = arms(first), rig_info(clip.skeleton).arm_joints
     lateral = motion.shoulders[0, 0] - motion.shoulders[0, 1]

@@ -16,6 +16,7 @@ from signsplice.rig.align import Reference
 from signsplice.rig.info import rig_info
 from signsplice.splicing import stages
 from signsplice.splicing.carriage import POSTURE, Carriage, rotate_person
+from signsplice.splicing.contracts import Cut
 from signsplice.splicing.faces import BLINKS, BROWS, GAZE, Blinks, open_eyes, relax_brows, turn_eyes, with_rules
 from signsplice.splicing.options import SpliceOptions, not_options
 from signsplice.splicing.passes import Entering, Pass, check_order, fill, run
@@ -24,6 +25,9 @@ from signsplice.splicing.person import channel_joints, retract
 from signsplice.splicing.result import Pause, Piece, Remade, Span
 from signsplice.splicing.seam import Seam, score_seam, seam_positions
 from signsplice.splicing.word import AlignedWord, Edit, HeldEnd, Word, apply_edits, as_word
+
+_SEAMS_AT_ONCE = 32
+"""Largest number of seams that are made together: more are no faster."""
 
 
 class Sentence:
@@ -66,21 +70,42 @@ class Sentence:
         return methods.cutter.name, methods.transition.name, methods.bundle
 
     def add(self, clips: Iterable[Clip | Word]) -> list[Piece]:
-        """Adds words, whose seams are chosen together, and returns the pieces that are final now."""
-        words, seams = self.plan(clips)
-        began = perf_counter()
-        seams = fill(self.passes, seams)
-        self.seconds["transition"] += perf_counter() - began
-        seams = self.finish(words, seams)
-        began = perf_counter()
-        positions = seam_positions(seams)
-        self.seconds["join"] += perf_counter() - began
-        return self.pieces(seams, positions)
+        """Adds words, whose cuts are chosen together, and returns the pieces that are final now. Seams are made some at
+        a time, since a word takes several times its frames in memory meanwhile.
+        """
+        words, cuts = self._cut(clips)
+        if self._last is None:
+            self._count(words[:1])
+            self._last, words = (words[0], words[1:]) if words else (None, words)
+        pieces = list[Piece]()
+        # A system names all pairs without a splice.
+        most = _SEAMS_AT_ONCE if self.options.whole_system is None else len(words)
+        while words:
+            part, part_cuts = words[:most], cuts[:most]
+            del words[:most], cuts[:most]
+            began = perf_counter()
+            assert self._last is not None
+            seams = fill(self.passes, self.planner.seams([self._last, *part], part_cuts))
+            self.seconds["transition"] += perf_counter() - began
+            seams = self.finish(part, seams)
+            began = perf_counter()
+            positions = seam_positions(seams)
+            self.seconds["join"] += perf_counter() - began
+            pieces += self.pieces(seams, positions)
+        return pieces
 
     def plan(self, clips: Iterable[Clip | Word]) -> tuple[list[AlignedWord], list[Seam]]:
         """Aligns further words and plans their seams, including the one with the last word, without making frames. The
         words are not part of the sentence yet.
         """
+        words, cuts = self._cut(clips)
+        began = perf_counter()
+        seams = self.planner.seams(words if self._last is None else [self._last, *words], cuts) if words else []
+        self.seconds["transition"] += perf_counter() - began
+        return words, seams
+
+    def _cut(self, clips: Iterable[Clip | Word]) -> tuple[list[AlignedWord], list[Cut]]:
+        """Aligns further words and chooses their cuts, including the one with the last word."""
         unaligned = [as_word(clip, n) for n, clip in enumerate(clips, self._n_words)]
         if not unaligned:
             return [], []
@@ -91,14 +116,10 @@ class Sentence:
         words = [self._align(word, n, to) for n, word in enumerate(unaligned, self._n_words)]
         words[0] = replace(words[0], warnings=(*warnings, *words[0].warnings))
         self._reference = to  # only now: a word that raises must not set it
-        neighbours = words if self._last is None else [self._last, *words]
         began = perf_counter()
-        cuts = self.planner.cuts(neighbours)
-        cut = perf_counter()
-        seams = self.planner.seams(neighbours, cuts)
-        self.seconds["cut"] += cut - began
-        self.seconds["transition"] += perf_counter() - cut
-        return words, seams
+        cuts = self.planner.cuts(words if self._last is None else [self._last, *words])
+        self.seconds["cut"] += perf_counter() - began
+        return words, cuts
 
     def finish(self, words: Sequence[AlignedWord], filled: Sequence[Seam]) -> list[Seam]:
         """Applies the remaining passes to the seams and makes the words part of the sentence; ``filled``: the planned
@@ -107,12 +128,16 @@ class Sentence:
         began = perf_counter()
         seams, self._entering = run(self.passes, filled, self._entering)
         self.seconds["transition"] += perf_counter() - began
-        self._n_words += len(words)
-        self.contacts |= {word.index: word.contacts for word in words if word.contacts}
-        self.faces += [word.index for word in words if word.clip.face is not None]
+        self._count(words)
         if self._last is None and words:
             self._last = words[0]
         return seams
+
+    def _count(self, words: Sequence[AlignedWord]) -> None:
+        """Makes words part of the sentence."""
+        self._n_words += len(words)
+        self.contacts |= {word.index: word.contacts for word in words if word.contacts}
+        self.faces += [word.index for word in words if word.clip.face is not None]
 
     def pieces(self, seams: Sequence[Seam], positions: Sequence[FloatArray]) -> list[Piece]:
         """Returns the pieces of all finished words but the last; ``positions``: ``seam_positions`` of their seams."""
