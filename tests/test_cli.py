@@ -351,7 +351,7 @@ def test_a_wrong_rate_is_corrected_by_every_command_that_reads_files(folder: Pat
     (word,) = json.loads(signsplice("lexicon", "list", "lex", "--json").stdout)["words"]
     assert (word["fps"], word["frames"]) == (25.0, right["frames"])
     run = signsplice("inspect", "HELLO.bvh", "--input-fps", "0")
-    assert (run.returncode, run.stderr) == (2, "error: fps 0, expected frames a second, above 0\n")
+    assert (run.returncode, run.stderr) == (2, "error: fps 0.0, expected frames a second, 0.001 to 100,000\n")
 
 
 def test_a_roles_file_makes_an_unknown_rig_usable(folder: Path, words: dict[str, Clip], signsplice: Call) -> None:

@@ -88,7 +88,7 @@ NOTED: dict[str, tuple[str, str]] = {
     "a cut frame after the frames": (VALID + "0 91 0 1 2\n", "the text after its 2 frames is not read"),
     "name stands twice": (
         VALID.replace("JOINT Spine", "JOINT Hips"),
-        "joint names that stand twice get a number: 'Hips 2'",
+        "joint names that stand twice get a number: 'Hips_2'",
     ),
     "no name": (VALID.replace("JOINT Spine", "JOINT"), "joints without a name are numbered"),
     "no name, brace": (VALID.replace("JOINT Spine\n\t{", "JOINT {"), "joints without a name are numbered"),
@@ -129,7 +129,7 @@ CASES = Path(__file__).parents[1] / "data" / "cases"
 @pytest.mark.parametrize(
     ("file", "note"),
     [
-        ("bvh_blender_accepts/dup_names.bvh", "joint names that stand twice get a number: 'Spine 2'"),
+        ("bvh_blender_accepts/dup_names.bvh", "joint names that stand twice get a number: 'Spine_2'"),
         ("bvh_blender_accepts/end_site_channels.bvh", "channels of End Sites are not read: they turn no joint"),
         ("bvh_blender_accepts/end_site_named.bvh", "names of End Sites are not kept"),
         ("bvh_blender_accepts/frame_time_oneword.bvh", ""),

@@ -8,6 +8,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from signsplice.formats import (
     WIRE_SUFFIXES,
     WRITE_SUFFIXES,
     FileFormat,
+    ReadAs,
     encode,
     join_suffixes,
     load,
@@ -129,3 +131,23 @@ def test_the_format_in_the_guide_for_contributors_works(
     (tmp_path / "broken.jclip").write_text("[1, 2]")
     with pytest.raises(FormatError, match=r"broken\.jclip: "):
         formats.load(tmp_path / "broken.jclip")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"fps": 0.0}, "fps 0.0, expected frames a second"), ({"fps": "25"}, "fps '25', expected"),
+        ({"face_fps": float("nan")}, "face_fps nan, expected"), ({"rest_frame": 1.5}, "rest_frame 1.5, expected"),
+        ({"roles": "file.json"}, "roles 'file.json', expected role -> joint name"),
+        ({"roles": {"nose": "x"}}, "nose"),
+    ],
+)  # fmt: skip
+def test_how_a_file_is_read_must_make_sense(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)):
+        ReadAs(**wrong)
+
+
+def test_a_take_of_a_file_with_one_motion_is_said_not_to_be_used(words: dict[str, Clip], tmp_path: Path) -> None:
+    save(words["I"], tmp_path / "I.bvh")
+    clip = load(tmp_path / "I.bvh", read=ReadAs(take="Take 001"))
+    assert clip.notes == (".bvh files have one motion: take 'Take 001' is not used",)

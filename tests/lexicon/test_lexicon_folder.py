@@ -189,7 +189,7 @@ def test_the_table_says_how_a_file_is_read_and_the_call_how_the_others_are(clips
         n_frames = len(load(clips / "hello.bvh"))
         assert len(lex.clip("HELLO")) == n_frames, "no frame is made or left out"
     for head, cell, said in (
-        ("fps", "0", "fps 0, expected frames a second, above 0"),
+        ("fps", "0", "fps 0.0, expected frames a second, 0.001 to 100,000"),
         ("face_fps", "fast", "face_fps 'fast', expected frames a second"),
         ("rest_frame", "-1", "rest_frame '-1', expected a frame's number"),
         ("rest_frame", "999", "no frame 999 to be its rest pose"),

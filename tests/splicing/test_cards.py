@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sqlite3
 import zlib
@@ -20,6 +21,7 @@ from signsplice.motion.cache import Cache
 from signsplice.motion.clip import StoredCard, stored_card
 from signsplice.splicing import bundle, cards
 from signsplice.splicing.cards import CARD_VALUES, digest_clip, make_card, recall
+from signsplice.splicing.learned import LearnedCutter
 from signsplice.splicing.options import choose, open_learned
 
 GLOSSES = ("HELLO", "MY", "NAME", "DEAF", "THANK-YOU", "WHAT")
@@ -129,6 +131,49 @@ def test_a_card_that_does_not_belong_is_not_used(harm: str, tmp_path: Path, know
     with lexicon.open(tmp_path / "lex") as words:
         words.verify()
     assert shown(ss.splice(stored(folder=tmp_path / "lex"))) == expected
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"motion": ["a", None, ""]}, {"motion": [5, 4, []]}, {"owns": ["tail"]}, {"placement": [[1e300] * 3] * 3},
+        {"ends": [[0, [0, 10**6], None, 10, 10**6]] * 2}, {"ends": [[0, [0, 5], [0, 900], 10, 5]] * 2},
+        {"ends": [[0, [0, 5], None, 10**30, 5]] * 2}, {"low": [[[9.0] * 4] * 2, None]}, {"keyed": [1]}, {"hands": "x"},
+        {"ends": []},
+    ],
+)  # fmt: skip
+def test_a_card_that_holds_what_no_word_has_is_not_used(change: dict[str, Any]) -> None:
+    (clip,) = stored(("HELLO",))
+    line, _, numbers = zlib.decompress(make_card(clip, "0" * 64)).partition(b"\n")
+    head = json.loads(line) | change
+    fake = fresh(clip)
+    fake.derived[stored_card] = StoredCard("0" * 64, zlib.compress(json.dumps(head).encode() + b"\n" + numbers))
+    recall(fake, CUTTER)
+    assert set(fake.derived.shared.values()) == {None}
+    nested = fresh(clip)
+    nested.derived[stored_card] = StoredCard("1" * 64, zlib.compress(b"[" * 200_000))
+    recall(nested, CUTTER)
+    assert set(nested.derived.shared.values()) == {None}
+
+
+def test_what_is_kept_names_no_other_cutter() -> None:
+    (clip,) = stored(("HELLO",))
+    recall(clip, CUTTER)
+    other = LearnedCutter(CUTTER.reader)
+    again = stored(("HELLO",))[0]
+    recall(again, other)
+    assert set(again.derived.shared) == {*CARD_VALUES, other.ends}, "networks of other bundles can close"
+    recall(again, CUTTER)
+    assert CUTTER.ends in again.derived.shared, "the same clip serves both"
+
+
+def test_a_damaged_card_is_a_fault_of_its_lexicon(tmp_path: Path) -> None:
+    shutil.copytree(SHIPPED, tmp_path / "lex")
+    with sqlite3.connect(tmp_path / "lex" / INDEX) as index:
+        index.execute("UPDATE extension SET value = substr(value, 1, 900) WHERE name = ? AND word = 1", (CARD,))
+    with lexicon.open(tmp_path / "lex") as words:
+        (fault,) = words.faults()
+    assert "its card is damaged, and computed anew" in fault
 
 
 def test_ends_of_another_cutter_are_not_used() -> None:

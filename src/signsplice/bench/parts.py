@@ -27,6 +27,7 @@ from signsplice.lexicon import building, open_lexicon, open_shipped_lexicon
 from signsplice.motion import Clip, FloatArray, concatenate, kinematics, resample, rotation
 from signsplice.progress import Progress, track_progress
 from signsplice.rig.info import active_span, arms
+from signsplice.splicing import cards
 from signsplice.splicing.bulk_splice import splice_many
 from signsplice.splicing.contracts import Cut, Cutter, Gap
 from signsplice.splicing.curves import TRANSITIONS
@@ -78,6 +79,7 @@ def _sentences(n_words: int, count: int, warm: int = N_WARM_UP) -> Iterator[list
     ``warm`` ones are spliced, and not yielded.
     """
     rng = np.random.default_rng(n_words)
+    cards.forget()
     with open_shipped_lexicon() as words:
         glosses = list(words)
         for n in range(count + warm):
@@ -85,6 +87,7 @@ def _sentences(n_words: int, count: int, warm: int = N_WARM_UP) -> Iterator[list
             if n < warm:
                 splice(clips)
             else:
+                cards.forget()  # they are read from the lexicon
                 yield clips
 
 

@@ -105,11 +105,22 @@ def limits() -> ReadLimits:
     return NO_LIMITS if _option_value("no_limits") else DEFAULT_LIMITS
 
 
-def load(path: str, warns: bool = True, face: str | None = None, face_offset: float = 0.0) -> Clip:
+def load_body(path: str) -> Clip:
+    """Read a clip whose motion does not count."""
+    return load(path, read=ReadAs(roles=read_as().roles))
+
+
+def load(
+    path: str,
+    warns: bool = True,
+    face: str | None = None,
+    face_offset: float = 0.0,
+    read: ReadAs | None = None,
+) -> Clip:
     """Read the clip in a file as the current command says. ``warns``: whether to warn about parts of the file that are
-    left out or changed. ``face``, ``face_offset``: as in ``formats.load``.
+    left out or changed. ``face``, ``face_offset``, ``read``: as in ``formats.load``.
     """
-    read = replace(read_as(), rest_frame=None)
+    read = replace(read or read_as(), rest_frame=None)
     clip = formats.load(path, limits(), face=face, face_offset=face_offset, read=read)
     if warns and (clip.left_out or clip.notes):
         from signsplice.rig.inspection import left_out_warnings

@@ -15,6 +15,7 @@ from signsplice.cli.clips import (
     faces_of,
     load,
     load_avatar,
+    load_body,
     read_as,
     reads_clips,
     reads_faces,
@@ -54,7 +55,7 @@ def inspect(file: str, as_json: bool) -> None:
             for line in value:
                 print(f"           {one_line(line)}")
         else:
-            print(f"{key:10} {value}")
+            print(f"{key:10} {one_line(str(value))}")
 
 
 @click.command()
@@ -99,7 +100,7 @@ def convert(
         return
     from signsplice.body.retarget import retarget
 
-    done = retarget(clip, load(body) if avatar is None else load_avatar(body, read_as().roles, skin))
+    done = retarget(clip, load_body(body) if avatar is None else load_avatar(body, read_as().roles, skin))
     warn(done.warnings)
     write(done.clip, output)
     if report is not None:

@@ -29,7 +29,7 @@ _LIMIT_HELP = "Change a limit, e.g. max_body_bytes=1000000; may be repeated; see
 @option(
     "--workers n_workers",
     "N",
-    "Processes for requests, and as many for streams.  [default: one per core]",
+    "Processes for quick jobs, and as many for long ones.  [default: one per core]",
     type=int,
     default=0,
 )

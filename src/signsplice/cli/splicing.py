@@ -22,6 +22,7 @@ from signsplice.cli.clips import (
     limits,
     load,
     load_avatar,
+    load_body,
     read_as,
     reads_clips,
     reads_faces,
@@ -246,7 +247,7 @@ def _splice_options(
         **others,
     )
     options.choose_methods()
-    return options if onto is None else replace(options, onto=load(onto))
+    return options if onto is None else replace(options, onto=load_body(onto))
 
 
 def _note_rates(clips: Iterable[Clip], result: SpliceResult, options: SpliceOptions) -> None:

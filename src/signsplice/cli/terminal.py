@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _LONG = 500
 """Minimum number of steps for which progress is printed without a terminal."""
-_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Controls of ASCII and Latin-1 but tab and line feed, marks that break lines or override their direction (Unicode
 Standard Annex 9), and surrogates, which stand for bytes of file names that are not UTF-8.
 """
@@ -43,7 +43,9 @@ class VisibleStream:
 
     def write(self, text: str) -> int:
         """Write a text, visibly, unless it is the end of a line that the next one replaces."""
-        return self.raw.write(text if text == "\r" else visible(text))
+        shown = text if text == "\r" else visible(text)
+        encoding = getattr(self.raw, "encoding", None) or "utf-8"
+        return self.raw.write(shown.encode(encoding, "backslashreplace").decode(encoding))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.raw, name)

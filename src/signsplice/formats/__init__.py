@@ -70,6 +70,10 @@ WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads and that the HTTP service accepts and sends."""
 
 
+_RATES = 1e-3, 1e5
+"""Lowest and highest rate that a clip or a face may be said to have, frames a second."""
+
+
 @dataclass(frozen=True)
 class ReadAs:
     """How a file is read where it does not say, or says what is wrong; fields that are not given follow the file.
@@ -81,7 +85,7 @@ class ReadAs:
         the first that shows one.
     roles: role -> joint name, for rigs that are not recognised by joint names.
 
-    Raises ``InputError`` for a rate that is not above 0, or is not finite.
+    Raises ``InputError`` for a rate outside 0.001 to 100,000, a frame that is no whole number, and unknown roles.
     """
 
     fps: float | None = None
@@ -92,8 +96,18 @@ class ReadAs:
 
     def __post_init__(self) -> None:
         for name, rate in (("fps", self.fps), ("face_fps", self.face_fps)):
-            if rate is not None and not 0.0 < rate < math.inf:
-                raise InputError(f"{name} {rate:g}, expected frames a second, above 0")
+            if rate is not None and not (isinstance(rate, int | float) and _RATES[0] <= rate <= _RATES[1]):
+                raise InputError(f"{name} {rate!r:.40}, expected frames a second, {_RATES[0]:g} to {_RATES[1]:,.0f}")
+        if self.rest_frame is not None and not isinstance(self.rest_frame, int):
+            raise InputError(f"rest_frame {self.rest_frame!r:.40}, expected a frame's number")
+        if self.roles is not None:
+            from signsplice.rig.roles import ROLES, unknown_role
+
+            if not isinstance(self.roles, Mapping):
+                raise InputError(f"roles {self.roles!r:.40}, expected role -> joint name, as of roles.read")
+            for role in self.roles:
+                if role not in ROLES:
+                    raise InputError(unknown_role(str(role)[:40]))
 
     def or_else(self, other: ReadAs) -> ReadAs:
         """Return these values, with those of ``other`` for fields that are not given."""
@@ -133,6 +147,10 @@ def load(
     # A wrong rate does not make a clip too long.
     within = limits if read.fps is None else replace(limits, seconds=math.inf)
     clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), within, Path(path).parent, take)
+    if read.take and not row.has_takes:
+        clip = replace(
+            clip, notes=(*clip.notes, f"{row.suffix} files have one motion: take {read.take!r:.40} is not used")
+        )
     if read.fps is not None:
         notes = (*clip.notes, f"read at {read.fps:.6g} fps as asked, not at {clip.fps:.6g}")
         clip = replace(clip, fps=read.fps, notes=notes if read.fps != clip.fps else clip.notes)

@@ -39,8 +39,12 @@ _ROUNDED = 0.0025
 """Fraction by which a rate may differ from a Frame Time without a note (60 fps from 0.0167)."""
 _MOST_ROUNDED = 0.0101
 """Fraction by which a usual rate may differ from a Frame Time, with a note (30 fps from 0.033)."""
-_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0)
-"""Frame Times that are rates, which some captures print in the place of a time: no frame lasts so many seconds."""
+_NO_NAME = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+"""Control characters, which end a name like white space."""
+_RATES = 10.0, 1000.0
+"""Least and largest Frame Time that is a rate, which some captures print in the place of a time: no frame lasts so many
+seconds.
+"""
 
 
 def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
@@ -59,7 +63,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
         raise FormatError(what, file=file, line=_line_number(text, len(text)))
     hierarchy.close(_line_number(text, motion.end()))
     n_frames, frame_time, first = _motion_head(text, motion.end(), file)
-    if frame_time in _RATES:
+    if _RATES[0] <= frame_time <= _RATES[1]:
         hierarchy.notes.append(f"its Frame Time of {frame_time:g} is read as a rate: {frame_time:g} fps")
         frame_time = 1.0 / frame_time
     columns = _columns(hierarchy, text, first)
@@ -150,10 +154,10 @@ def written_names(clip: Clip) -> list[str]:
     pybvh end a name at white space.
     """
     names = clip.skeleton.names
-    held = ["_".join(name.split()).rstrip("{") for name in names]
+    held = ["_".join(_NO_NAME.sub(" ", name).split()).replace("{", "_") for name in names]
     if not all(held):
         raise InputError(f"joint name {names[held.index('')]!r} is empty, which BVH cannot hold; rename it")
-    can_stay = [name.replace(" ", "_") for name in names] == held and not any("{" in name.split() for name in names)
+    can_stay = [name.replace(" ", "_") for name in names] == held
     if clip.channels is not None and can_stay:
         return list(names)
     return unique(held, "_")
@@ -333,7 +337,7 @@ def _clip(
     offsets = written.copy()
     offsets[1:] = np.median(translations[:, 1:], axis=0) if moving else translations[0, 1:]
     sites = tuple(EndSite(site.joint, np.array(site.offset)) for site in hierarchy.declarations if site.is_site)
-    joint_names = unique(hierarchy.names)
+    joint_names = unique(hierarchy.names, "_")
     skeleton = Skeleton(tuple(joint_names), np.array(hierarchy.parents, np.intp), offsets, sites)
     return Clip(
         skeleton=skeleton,

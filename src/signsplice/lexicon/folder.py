@@ -24,7 +24,7 @@ from signsplice.lexicon.builder import MakeCard, PreparedWord, SharedSkeletons, 
 from signsplice.lexicon.gloss import gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
 from signsplice.lexicon.store import owns_extension
-from signsplice.motion import Clip, Skeleton
+from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
 from signsplice.progress import Progress
 from signsplice.rig.inspection import role_warnings
@@ -140,7 +140,7 @@ def build(
         raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
     target = Path(output).resolve()
     store = target.with_name(f".{target.name}.prepared") if recipe else None
-    warnings, n_letters = [*left_out], 0
+    warnings, n_letters, rigs = [*left_out], 0, dict[str, str]()
 
     def leave_out(line: str) -> None:
         left_out.append(f"{line}; left out")
@@ -161,6 +161,7 @@ def build(
                     checked=row.checked, extensions=owns_extension(row.owns),
                 )  # fmt: skip
                 n_letters += entry.kind == "letter"
+                rigs[entry.gloss] = word.skeleton
             elif skip_broken or recipe:
                 leave_out(word)
             else:
@@ -177,6 +178,7 @@ def build(
                 builder.add(word, gloss, signer=signer, source=Path(sign.where.file).name, extensions=extensions)
             else:
                 leave_out(word)
+        warnings += _role_lines(output, rigs)
         if not builder.n_words:
             what = "clip" if folders else "sign"
             raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {left_out[0]}")
@@ -209,8 +211,7 @@ def check(
     """
     files, faults = find_word_files(folder)
     warnings: list[str] = []
-    rigs: dict[str, Skeleton] = {}  # description of a skeleton -> the skeleton
-    words: dict[str, Skeleton] = {}
+    rigs: dict[str, str] = {}  # name of a word -> description of its skeleton
     for _, word in _prepare_files(
         files, FileTask((), (), "float32", ReadAs(roles=roles).or_else(read), limits), None, progress
     ):
@@ -218,11 +219,17 @@ def check(
             faults.append(word)
         else:
             warnings += word.warnings
-            if word.skeleton not in rigs:
-                rigs[word.skeleton] = skeletons.from_json(json.loads(word.skeleton))
-            words[word.name] = rigs[word.skeleton]
-    warnings += (f"{folder}: {line}" for line in role_warnings(words))
+            rigs[word.name] = word.skeleton
+    warnings += _role_lines(folder, rigs)
     return Checked(len(files), faults, warnings, unread([folder], files))
+
+
+def _role_lines(where: str | Path, rigs: Mapping[str, str]) -> Iterator[str]:
+    """Yield lines about words that lack parts of the body which others have; ``rigs``: name of a word -> description of
+    its skeleton.
+    """
+    described = {rig: skeletons.from_json(json.loads(rig)) for rig in {*rigs.values()}}
+    yield from (f"{where}: {line}" for line in role_warnings({name: described[rig] for name, rig in rigs.items()}))
 
 
 def reasons(lines: Iterable[str]) -> list[tuple[int, str, str]]:
@@ -344,7 +351,7 @@ def _with_face(clip: Clip, path: Path, task: FileTask) -> Clip:
         is_same = face_path.with_suffix("") == path.with_suffix("") and face_path != path
         if clip.face is None and is_same and FORMATS[face_path.suffix.lower()].holds_faces:
             with suppress(InputError):  # broken, or without a face
-                clip = with_face_of(clip, load(face_path, task.limits), str(face_path))
+                clip = with_face_of(clip, load(face_path, task.limits, read=ReadAs(task.read.fps)), str(face_path))
     return clip
 
 

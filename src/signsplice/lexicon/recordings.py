@@ -167,8 +167,10 @@ def _number(cell: str, what: str, expected: str) -> float | None:
 def _read_as(fields: dict[str, str]) -> ReadAs:
     """Return how the clip of a row is read, apart from its roles."""
     fps, face_fps = (_number(fields[name], name, "frames a second") for name in ("fps", "face_fps"))
-    frame = _number(fields["rest_frame"], "rest_frame", "a frame's number")
-    return ReadAs(fps, face_fps, fields["take"], None if frame is None else int(frame))
+    frame = fields["rest_frame"]
+    if frame and not frame.isdecimal():
+        raise InputError(f"rest_frame {frame[:40]!r}, expected a frame's number")
+    return ReadAs(fps, face_fps, fields["take"], int(frame) if frame else None)
 
 
 @dataclass(frozen=True)
@@ -359,6 +361,8 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
                 faults.append(f"{path}: {error}; rename the file, or name its gloss in {TABLE}")
                 continue
             try:
+                if row.roles and not (folder / row.roles).resolve().is_relative_to(folder.resolve()):
+                    raise InputError(f"roles {row.roles[:80]!r} lie outside the folder, expected a file in it")
                 if row.roles and row.roles not in roles_of:
                     roles_of[row.roles] = roles.read(folder / row.roles)
             except InputError as error:

@@ -4,7 +4,8 @@ Both files are written once (``builder``) and never changed. SQLite opens the in
 creates no other file, so the folder may be read-only.
 
 Version 2 of the format has a table of extensions: named bytes that a later version of this package adds to a word. A
-reader ignores unknown names, so no extension needs a new version. Version 1, without that table, is read too.
+reader ignores unknown names, so no extension needs a new version. Version 1, without that table, is read too. Hashes
+cover all extensions but cards, which follow from the frames and differ in their last digits between processors.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import mmap
 import re
 import sqlite3
 import threading
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import astuple, dataclass
@@ -341,7 +343,9 @@ class StoredWords:
         for entry, location in self._words(progress):
             n_words += 1
             try:
-                self._clip(entry, location)
+                card = self._clip(entry, location).derived[stored_card]
+                if card is not None and card.content and not _is_whole(card.content):
+                    yield f"{self.path}: word {entry.gloss[:40]!r}: its card is damaged, and computed anew; {REBUILD}"
                 for name in (entry.gloss, *entry.synonyms):
                     match = self._index.find(name)
                     if match is None or match[0].gloss != entry.gloss:
@@ -503,6 +507,15 @@ def _check_entry(entry: Entry) -> None:
 def describe(skeleton: Skeleton) -> str:
     """Return a skeleton as JSON; numbers are read back unchanged. Raises ``InputError`` if it has too many joints."""
     return json.dumps(skeletons.as_json(skeleton))
+
+
+def _is_whole(card: bytes) -> bool:
+    """Return whether a card can be unpacked."""
+    try:
+        zlib.decompress(card)
+    except zlib.error:
+        return False
+    return True
 
 
 def owns_extension(owns: frozenset[str] | None) -> dict[str, bytes]:

@@ -30,6 +30,10 @@ class Cache:
         result: Value = value
         return result
 
+    def forget(self, compute: Callable[..., Any]) -> None:
+        """Forget the results of one function."""
+        self._recent.pop(compute, None)
+
     def clear(self) -> None:
         """Forget all results."""
         self._recent.clear()

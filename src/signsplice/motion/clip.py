@@ -55,7 +55,7 @@ class Derived(dict[Callable[[Any], Any], Any]):
     """Cache of values computed from an object, by the function that computes them.
 
     ``clip.derived[arms]`` calls ``arms(clip)`` at the first access and keeps the value as long as the object lives.
-    Neither the value nor this mapping may refer to the object. Safe to clear at any time.
+    Neither the value nor this mapping may refer to the object. Safe to clear at any time; ``shared`` stays.
 
     shared: values of all objects with the same content, for the functions that are its keys; None if not computed yet.
     """

@@ -236,10 +236,13 @@ def _counterpart_warnings(clip: Clip, to: Reference, counterpart: Mapping[int, i
     kept = {source.role_of.get(joint, "") for joint in counterpart.values()}
     carried = {*source.role_of}.union(*(path_to_root(clip.skeleton, joint) for joint in counterpart.values()))
     lost = [source.joints[role] for role in find_lost_roles(source.joints, kept, moving)] + sorted(moving - carried)
+    carried_roles = {target.role_of.get(joint, "") for joint in counterpart}
+    without = find_lost_roles(target.joints, carried_roles, range(len(to.skeleton)))
     held = [
         joint
         for joint in range(len(to.skeleton))
-        if joint not in counterpart and (to.skeleton.children[joint] or joint in target.role_of)  # else nothing moves
+        if joint not in counterpart  # a joint without role and children moves nothing
+        and (target.role_of[joint] in without if joint in target.role_of else to.skeleton.children[joint])
     ]
     lines = (
         (clip.skeleton, lost, f"{len(lost)} joints have no counterpart on {to.name}, their motion is lost"),
@@ -268,8 +271,9 @@ def find_moving_joints(clip: Clip) -> frozenset[int]:
 
 
 def choose_skeleton(clips: Sequence[Clip]) -> tuple[int, str]:
-    """Returns the index of the clip on whose skeleton fewest roles of all clips lose their motion, the first of equals,
-    and the reason, empty for the first clip. A skeleton that clips cannot be aligned to by their roles is passed over.
+    """Returns the index of the clip on whose skeleton fewest parts of the body, and of these fewest joints, of all
+    clips lose their motion, the first of equals, and the reason, empty for the first clip. A skeleton that clips cannot
+    be aligned to by their roles is passed over.
     """
     roles = [frozenset(rig_info(clip.skeleton).roles.joints) for clip in clips]
     if len({*roles}) == 1:
@@ -279,9 +283,11 @@ def choose_skeleton(clips: Sequence[Clip]) -> tuple[int, str]:
         if kept not in roles[:k] and (k == 0 or all(_is_enough(kept & own) for own in roles)):
             rigs = [(rig_info(clip.skeleton).roles.joints, clip.derived[find_moving_joints]) for clip in clips]
             lost_on[k] = [role for joints, moving in rigs for role in find_lost_roles(joints, kept, moving)]
-    best = min(lost_on, key=lambda k: len(lost_on[k]))
-    why = f"on that of {clips[0].name} {len(lost_on[0])} joints of the clips would lose their motion"
-    why += f" ({', '.join(body_parts(lost_on[0]))}), on this {len(lost_on[best]) or 'none'}"
+    best = min(
+        lost_on, key=lambda k: (len({part for role in lost_on[k] for part in body_parts([role])}), len(lost_on[k]))
+    )
+    why = f"on that of {clips[0].name} {', '.join(body_parts(lost_on[0]))} would lose their motion"
+    why += f", on this one {', '.join(body_parts(lost_on[best])) or 'nothing'}"
     return best, why if best else ""
 
 

@@ -28,6 +28,7 @@ from signsplice.rig.align import Placement, find_placement, placement
 from signsplice.rig.info import rig_info
 from signsplice.rig.inspection import MotionSpan, clip_warnings, find_motion_span, list_clip_warnings, motion_span
 from signsplice.rig.keyedness import Keyedness, judge_clip, judge_keyedness
+from signsplice.rig.roles import CHANNELS
 from signsplice.splicing import features
 from signsplice.splicing.carriage import find_freedom, find_hand_offsets, measure_freedom
 from signsplice.splicing.contracts import Cutter
@@ -35,10 +36,12 @@ from signsplice.splicing.learned import LearnedCutter, WordEnd
 from signsplice.splicing.options import choose
 from signsplice.splicing.person import find_low_places, find_owned_channels, owned_channels
 
-VERSION = 1
+VERSION = 2
 """Version of cards: another one where a derived value is computed in another way."""
 _MOST_KEPT = 1024
-"""Largest number of words whose cards are kept in memory: about 4 kB each."""
+"""Largest number of words whose values are kept in memory, about 50 bytes a frame."""
+_MOST_FRAMES = 1000
+"""Longest clip of which values are kept, frames: longer ones are takes, not words."""
 _MOST_BYTES = 1 << 20
 """Size of an unpacked card from which on it is not read."""
 
@@ -55,15 +58,24 @@ def recall(clip: Clip, cutter: Cutter) -> None:
     """Give a clip the derived values on its stored card, and those of clips with the same frames that were seen before;
     values that are not known are computed when they are asked for, and kept.
     """
-    if clip.derived.shared:
+    reader = _reads_alone(cutter)
+    ends = None if reader is None else reader.ends
+    if len(clip) > _MOST_FRAMES or (clip.derived.shared and (ends is None or ends in clip.derived.shared)):
         return
-    stored, reader = clip.derived[stored_card], _reads_alone(cutter)
+    stored = clip.derived[stored_card]
     known = CACHE.recent(_nothing_known, digest_clip(clip) if stored is None else stored.sha256, most=_MOST_KEPT)
-    if stored is not None and stored.content and known.get(reader.ends if reader else find_motion_span) is None:
+    for other in [key for key in known if key not in CARD_VALUES and ends is not None and key != ends]:
+        del known[other]  # of another cutter, whose networks it would keep open
+    if stored is not None and stored.content and known.get(ends or find_motion_span) is None:
         known.update(_unpack(stored, clip, reader))
-    if reader is not None:
-        known.setdefault(reader.ends, None)
+    if ends is not None:
+        known.setdefault(ends, None)
     clip.derived.share(known)
+
+
+def forget() -> None:
+    """Forget what is kept of words in memory."""
+    CACHE.forget(_nothing_known)
 
 
 def _nothing_known(key: str | bytes) -> dict[Callable[[Clip], Any], Any]:
@@ -107,30 +119,49 @@ def _unpack(stored: StoredCard, clip: Clip, reader: LearnedCutter | None) -> dic
         if head["key"] != _key(stored.sha256):
             return {}
         free, numbers = _array(numbers, _NUMBER, len(clip), 4)
-        position, up, forward = (np.array(part, np.float64).reshape(3) for part in head["placement"])
-        start, stop, lines = head["motion"]
+        standing = Placement(*(_finite(part, 3) for part in head["placement"]))
+        (start, stop, lines), owns = head["motion"], frozenset(head["owns"])
+        motion = MotionSpan(int(start), int(stop), tuple(map(str, lines)))
+        _check(0 <= motion.start < motion.stop <= len(clip) and owns <= {*CHANNELS})
+        _check(bool(((free >= 0.0) & (free <= 1.0)).all()))
         values: dict[Callable[[Clip], Any], Any] = {
-            find_motion_span: MotionSpan(start, stop, tuple(lines)),
-            list_clip_warnings: tuple(head["warnings"]),
-            find_placement: Placement(position, up, forward),
+            find_motion_span: motion,
+            list_clip_warnings: tuple(map(str, head["warnings"])),
+            find_placement: standing,
             judge_clip: Keyedness(*head["keyed"]),
-            find_owned_channels: frozenset(head["owns"]),
+            find_owned_channels: owns,
             find_freedom: free,
-            find_hand_offsets: np.array(head["hands"], np.float64).reshape(2, 3),
+            find_hand_offsets: _finite(head["hands"], 2, 3),
             find_low_places: tuple(_lower_arms(clip, head["low"])),
         }
+        ends = []
+        for first, active, stroke, n_frames, n_scores in head["ends"]:
+            heights, numbers = _array(numbers, _HEIGHT, n_frames, 2)
+            scores, numbers = _array(numbers, _NUMBER, n_scores)
+            span = None if stroke is None else (int(stroke[0]), int(stroke[1]))
+            _check(first >= 0 and 0 <= active[0] < active[1] <= n_frames and n_scores == active[1] - active[0])
+            _check(span is None or 0 <= span[0] <= span[1] < n_frames)
+            _check(bool(np.isfinite(heights).all() and np.isfinite(scores).all()))
+            ends.append(WordEnd(first, (active[0], active[1]), span, heights, scores))
+        _check(not numbers and len(ends) in (0, 2))
         if reader is not None and head["cutter"] == _cutter_key(reader):
-            ends = []
-            for first, active, stroke, n_frames, n_scores in head["ends"]:
-                heights, numbers = _array(numbers, _HEIGHT, n_frames, 2)
-                scores, numbers = _array(numbers, _NUMBER, n_scores)
-                span = None if stroke is None else (stroke[0], stroke[1])
-                ends.append(WordEnd(first, (active[0], active[1]), span, heights, scores))
-            end, beginning = ends
-            values[reader.ends] = end, beginning
-    except (ValueError, KeyError, TypeError, IndexError, zlib.error):
+            values[reader.ends] = ends[0], ends[1]
+    except Exception:  # a card from elsewhere may hold anything; then it is computed
         return {}
     return values
+
+
+def _check(holds: bool) -> None:
+    """Raise ``ValueError`` if what a card must hold does not."""
+    if not holds:
+        raise ValueError("the card does not fit")
+
+
+def _finite(numbers: Any, *shape: int) -> FloatArray:
+    """Return finite numbers, each below 1e9, of a shape. Raises ``ValueError`` for others."""
+    array = np.array(numbers, np.float64).reshape(shape)
+    _check(bool((np.abs(array) < 1e9).all()))
+    return array
 
 
 def _upper_and_lower_arms(clip: Clip) -> list[list[int]]:
@@ -146,7 +177,8 @@ def _lower_arms(clip: Clip, stored: Sequence[Any]) -> Iterator[FloatArray | None
             yield None
             continue
         local = np.array(clip.local_rotations[0])
-        local[joints] = np.array(rotations, np.float64)
+        local[joints] = _finite(rotations, 2, 4)
+        _check(bool(np.allclose(np.linalg.norm(local[joints], axis=1), 1.0)))
         yield local
 
 

@@ -225,7 +225,6 @@ class SpliceOptions:
     sign_speed: float = 1.0
     tempo: str | float = CITATION
     fps: float | None = None
-    onto: Clip | Skeleton | None = None
     avoid_collisions: bool | None = None
     free_hand: str = NATURAL
     person: float = 1.0
@@ -235,6 +234,7 @@ class SpliceOptions:
     limits: ReadLimits = DEFAULT_LIMITS
     system: str | WholeSystem | None = None
     fill_misses: bool = True
+    onto: Clip | Skeleton | None = None
 
     def __post_init__(self) -> None:
         limits = (
