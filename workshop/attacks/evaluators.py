@@ -99,6 +99,10 @@ def compute_frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarr
     return np.asarray(times)
 
 
+_SITE = "End Site"
+"""Name of what stands for an End Site with channels."""
+
+
 def locate_bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
     """Returns the names of the joints of a BVH file in its order, and their positions (T, J, 3) in its unit. Raises
     ``ValueError`` or another exception if it is not valid.
@@ -131,7 +135,8 @@ def evaluate_bvh(content: bytes) -> tuple[list[str], np.ndarray]:
     joint_matrices = np.tile(np.eye(4), (len(rows), len(joints), 1, 1))
     for joint, (axes, position) in enumerate(world):
         joint_matrices[:, joint, :3, :3], joint_matrices[:, joint, :3, 3] = axes, position
-    return [name for name, *_ in joints], joint_matrices
+    is_joint = [name != _SITE for name, *_ in joints]
+    return [name for name, *_ in joints if name != _SITE], joint_matrices[:, is_joint]
 
 
 def read_frame_time(content: bytes) -> float:
@@ -328,7 +333,13 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
                 if stack[-1] is not None:
                     joints[stack[-1]][2][:] = offset
             case "CHANNELS":
-                joints[stack[-1] or 0][3].extend([next(words) for _ in range(int(next(words)))])
+                channels = [next(words) for _ in range(int(next(words)))]
+                if stack[-1] is None:  # of an End Site: numbers that turn no joint
+                    joints.append(
+                        (_SITE, next(joint for joint in reversed(stack) if joint is not None), np.zeros(3), channels)
+                    )
+                else:
+                    joints[stack[-1]][3].extend(channels)
             case "}":
                 stack.pop()
             case "{":
@@ -339,6 +350,11 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
     if match is None:
         raise ValueError("no Frames and Frame Time")
     numbers = np.array(motion[match.end() :].split(), np.float64)
+    without_sites = sum(len(channels) for name, *_, channels in joints if name != _SITE)
+    if len(motion[match.end() :].lstrip().partition("\n")[0].split()) == without_sites:
+        joints = [
+            (name, parent, offset, channels if name != _SITE else []) for name, parent, offset, channels in joints
+        ]
     return joints, numbers.reshape(int(match[1]), sum(len(row[3]) for row in joints)), float(match[2])
 
 

@@ -256,8 +256,12 @@ def open_system(named: str | Path) -> WholeSystem:
     if named in SHIPPED:
         return CACHE.recent(_open_graphs, WEIGHTS / named, most=len(SHIPPED))
     folder = Path(named)
-    if not (folder / BUNDLE_FILE).is_file():
-        within = sorted(path.parent.name for path in folder.glob(f"*/{BUNDLE_FILE}"))
+    try:
+        is_bundle = (folder / BUNDLE_FILE).is_file()
+        within = [] if is_bundle else sorted(path.parent.name for path in folder.glob(f"*/{BUNDLE_FILE}"))
+    except OSError as error:  # a name that is too long
+        raise InputError(f"{str(folder)[:80]}: cannot be read ({error.strerror})") from error
+    if not is_bundle:
         known = f"name one of those in it: {', '.join(within)}" if within else f"those that ship: {', '.join(SHIPPED)}"
         raise InputError(f"{folder}: is no trained system; {known}")
     config = read_config(folder)

@@ -113,6 +113,7 @@ export const skin_surface = {
     cover_points: 24,
     facing_cosine: 0.3,
     comparison_m: 0.03,
+    patch_m: 0.04,
   },
 } as const;
 
