@@ -34,10 +34,10 @@ from signsplice.lexicon import building
 from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import Clip
 from signsplice.service import work
+from signsplice.service.fair_queue import FairQueue
 from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import StreamSession
-from signsplice.service.turns import Turns
 from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC
 from signsplice.service.workers import BusyError, Worker, WorkerLostError
 
@@ -90,7 +90,7 @@ class FakeWorker:
 def session(socket: FakeSocket, process: object, **limits: float) -> StreamSession:
     """The session of a fake client with a fake process."""
     metrics = Metrics(lambda: 0, lambda: 0)
-    return StreamSession(socket, Settings(**limits), Turns(), FakeWorker(process), metrics)  # type: ignore[arg-type]
+    return StreamSession(socket, Settings(**limits), FairQueue(), FakeWorker(process), metrics)  # type: ignore[arg-type]
 
 
 def test_a_stream_is_not_idle_while_the_service_works() -> None:

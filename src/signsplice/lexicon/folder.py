@@ -20,8 +20,8 @@ from signsplice.errors import InputError, SignspliceError
 from signsplice.formats import AS_WRITTEN, FORMATS, READ_SUFFIXES, ReadAs, atomic, load, skeletons
 from signsplice.formats.live_link import with_face_of
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
-from signsplice.lexicon.builder import MakeCard, PreparedWord, SharedSkeletons, building, check_target, prepare
-from signsplice.lexicon.gloss import gloss_of
+from signsplice.lexicon.builder import Builder, MakeCard, PreparedWord, SharedSkeletons, building, check_target, prepare
+from signsplice.lexicon.gloss import Entry, gloss_of
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
 from signsplice.lexicon.store import owns_extension
 from signsplice.motion import Clip
@@ -155,11 +155,7 @@ def build(
         ):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
-                row = file.row
-                entry = builder.add(
-                    word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
-                    checked=row.checked, extensions=owns_extension(row.owns),
-                )  # fmt: skip
+                entry = _add_clip(builder, word, file)
                 n_letters += entry.kind == "letter"
                 rigs[entry.gloss] = word.skeleton
             elif skip_broken or recipe:
@@ -173,9 +169,7 @@ def build(
         for sign, word in _prepare_signs(signs, form, lenient, jobs, progress, make_card):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
-                gloss = builder.free(gloss_of(sign.gloss))
-                extensions = _extensions(sign, lenient)
-                builder.add(word, gloss, signer=signer, source=Path(sign.where.file).name, extensions=extensions)
+                _add_written_sign(builder, word, sign, signer, lenient)
             else:
                 leave_out(word)
         warnings += _role_lines(output, rigs)
@@ -316,10 +310,22 @@ def _prepare_sign(sign: WrittenSign, form: str, lenient: bool, make_card: MakeCa
         return str(error)
 
 
-def _extensions(sign: WrittenSign, lenient: bool) -> dict[str, bytes]:
+def _add_clip(builder: Builder, word: PreparedWord, file: WordFile) -> Entry:
+    """Add the word of a clip, as its row of the table names it, and return its entry."""
+    row = file.row
+    return builder.add(
+        word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
+        checked=row.checked, extensions=owns_extension(row.owns),
+    )  # fmt: skip
+
+
+def _add_written_sign(builder: Builder, word: PreparedWord, sign: WrittenSign, signer: str, lenient: bool) -> None:
+    """Add the word of a written sign under the next free gloss."""
     from signsplice.written import signing
 
-    return owns_extension(signing.owned_channels(sign, lenient))
+    gloss, source = builder.free(gloss_of(sign.gloss)), Path(sign.where.file).name
+    extensions = owns_extension(signing.owned_channels(sign, lenient))
+    builder.add(word, gloss, signer=signer, source=source, extensions=extensions)
 
 
 def _prepare_file(task: FileTask) -> tuple[PreparedWord | str, ...]:

@@ -30,13 +30,13 @@ from signsplice.formats import WIRE_SUFFIXES, join_suffixes
 from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
+from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import Limits, Shares, caller, while_connected
 from signsplice.service.monitoring import CountRequests, Metrics, quieten
 from signsplice.service.protocols import protocols
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
-from signsplice.service.turns import Turns
 from signsplice.service.workers import BusyError, Worker
 from signsplice.splicing.options import all_methods
 
@@ -77,14 +77,14 @@ class Service:
         self.lexicon.verify()
         self.quick_workers: list[Worker] = []
         self.long_workers: list[Worker] = []
-        self.turns = Turns(self.long_workers)
+        self.queue = FairQueue(self.long_workers)
         self.requests = Shares("requests that wait", settings.max_connections, settings.max_client_waiting)
         self.streams = Shares("streams", settings.max_streams, settings.max_client_streams)
         self.n_streams: Counter[Worker] = Counter()
         self.metrics = Metrics(
             lambda: self.requests.n_held,
             lambda: sum(worker.n_lost for worker in self._workers),
-            lambda: self.turns.wait_seconds,
+            lambda: self.queue.wait_seconds,
         )
 
     @property
@@ -128,7 +128,7 @@ class Service:
         self, call: Request, workers: Sequence[Worker], seconds: float, job: Callable[..., ResultT], *args: object
     ) -> ResultT:
         """Run a job when it is the client's turn. Raises as ``Worker.run``, and ``ClientDisconnect``."""
-        turn = self.turns.run(caller(call), workers, seconds, lambda worker: worker.run(job, *args))
+        turn = self.queue.run(caller(call), workers, seconds, lambda worker: worker.run(job, *args))
         return await while_connected(call, turn)
 
     async def stream(self, socket: WebSocket) -> None:
@@ -145,7 +145,7 @@ class Service:
             self.n_streams[worker] += 1
             stack.callback(self.n_streams.subtract, [worker])
             stack.enter_context(self.metrics.streams.track_inprogress())
-            await StreamSession(socket, self.settings, self.turns, worker, self.metrics).run()
+            await StreamSession(socket, self.settings, self.queue, worker, self.metrics).run()
 
 
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:

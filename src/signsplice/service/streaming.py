@@ -19,11 +19,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from signsplice.errors import InputError, SignspliceError, UnknownGlossError
 from signsplice.service import wire, work
+from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import caller, while_connected
 from signsplice.service.monitoring import Metrics
 from signsplice.service.scene import to_json
 from signsplice.service.settings import Settings
-from signsplice.service.turns import Turns
 from signsplice.service.workers import Worker, WorkerLostError, WorkerProcess
 
 ResultT = TypeVar("ResultT")
@@ -66,9 +66,11 @@ def first_fault(error: ValidationError) -> str:
 class StreamSession:
     """The stream of one client."""
 
-    def __init__(self, socket: WebSocket, settings: Settings, turns: Turns, worker: Worker, metrics: Metrics) -> None:
+    def __init__(
+        self, socket: WebSocket, settings: Settings, queue: FairQueue, worker: Worker, metrics: Metrics
+    ) -> None:
         self._socket, self._settings, self._metrics = socket, settings, metrics
-        self._turns, self._worker = turns, worker
+        self._queue, self._worker = queue, worker
         self._key = uuid4().hex
         self._process: WorkerProcess
         self._words: asyncio.Queue[tuple[work.Typed, float] | None] = asyncio.Queue(settings.max_stream_words)
@@ -107,7 +109,7 @@ class StreamSession:
 
     async def _take_turn(self, job: Callable[[Worker], Coroutine[Any, Any, ResultT]]) -> ResultT:
         """Run a job at the stream's worker when it is the client's turn. Raises ``ClientDisconnect``."""
-        turn = self._turns.run(caller(self._socket), [self._worker], _JOB_SECONDS, job)
+        turn = self._queue.run(caller(self._socket), [self._worker], _JOB_SECONDS, job)
         return await while_connected(self._socket, turn)
 
     async def _run_job(self, job: Callable[..., ResultT], *args: object) -> ResultT:

@@ -1,5 +1,5 @@
-"""Worker processes. Each does one job at a time; ``turns`` decides whose. A process that ends, busy or not, is noticed
-at once and replaced.
+"""Worker processes. Each does one job at a time; ``fair_queue`` decides whose. A process that ends, busy or not, is
+noticed at once and replaced.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class WorkerProcess:
         return task
 
     async def run(self, job: Callable[..., ResultT], *args: object) -> ResultT:
-        """Call a function of ``work`` in the process and return its result. ``turns`` does not cancel it.
+        """Call a function of ``work`` in the process and return its result. ``fair_queue`` does not cancel it.
 
         Raises what the job raises; ``InputError`` if it exceeds its work time or memory; ``BusyError`` if it takes
         longer than ``work_wall_seconds`` for another reason; ``WorkerLostError``.

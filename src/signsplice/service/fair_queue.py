@@ -1,4 +1,4 @@
-"""Turns of clients at worker processes: next is the waiting job of the client that has had the least work."""
+"""A fair queue for worker processes: next is the waiting job of the client that has had the least work."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _Turn:
     since: float = field(default_factory=time.monotonic)
 
 
-class Turns:
+class FairQueue:
     """One queue for several workers. Work is processor time, with the restart of a process that a client costs.
 
     This is start-time fair queuing (Goyal, Vin and Cheng 1996), but a client that comes back starts at the work of the

@@ -20,9 +20,9 @@ from serving import PATIENCE_S
 from signsplice.errors import InputError
 from signsplice.service import work
 from signsplice.service.app import create
+from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import while_connected
 from signsplice.service.settings import Settings
-from signsplice.service.turns import Turns
 from signsplice.service.wire import SentenceRequest
 
 
@@ -64,19 +64,19 @@ async def pause() -> None:
 
 
 class Scene:
-    """Turns at some places, and clients who send jobs."""
+    """A queue for some places, and clients who send jobs."""
 
     def __init__(self, n_places: int = 1, is_shared: bool = False) -> None:
         self.log: list[str] = []
         self.places = [FakePlace(self.log) for _ in range(n_places)]
-        self.turns: Any = Turns(self.places if is_shared else ())  # type: ignore[arg-type]
+        self.queue: Any = FairQueue(self.places if is_shared else ())  # type: ignore[arg-type]
 
     def send(
         self, client: str, name: str = "", seconds: float = 1.0, places: Sequence[FakePlace] = ()
     ) -> asyncio.Task[str]:
         name = f"{client}{name}"
         return asyncio.create_task(
-            self.turns.run(client, places or self.places, seconds, lambda place: place.job(name))
+            self.queue.run(client, places or self.places, seconds, lambda place: place.job(name))
         )
 
 
@@ -253,10 +253,10 @@ def test_waiting_jobs_of_clients_who_are_gone_are_removed() -> None:
         await pause()
         gone = scene.send("b")
         await pause()
-        assert scene.turns.wait_seconds > 0.0
+        assert scene.queue.wait_seconds > 0.0
         gone.cancel()
         await pause()
-        assert scene.turns.wait_seconds == 0.0
+        assert scene.queue.wait_seconds == 0.0
         scene.send("c")
         await place.work(1.0)
         assert scene.log == ["a", "c"]
@@ -316,7 +316,7 @@ def test_a_failed_job_raises_and_frees_its_place() -> None:
     async def test() -> None:
         scene = Scene()
         with pytest.raises(ValueError, match="broken"):
-            await scene.turns.run("a", scene.places, 1.0, fail)
+            await scene.queue.run("a", scene.places, 1.0, fail)
         scene.send("b")
         await pause()
         assert scene.log == ["b"]
@@ -355,7 +355,7 @@ def test_a_request_of_a_gone_client_leaves_nothing_in_the_queue() -> None:
 
     async def test() -> None:
         service.quick_workers.append(place := FakePlace(log))
-        other = asyncio.create_task(service.turns.run("192.0.2.9", [place], 1.0, lambda place: place.job("other")))
+        other = asyncio.create_task(service.queue.run("192.0.2.9", [place], 1.0, lambda place: place.job("other")))
         await pause()
         transport = httpx.ASGITransport(GoneApp(app), client=("192.0.2.1", 1))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
@@ -363,7 +363,7 @@ def test_a_request_of_a_gone_client_leaves_nothing_in_the_queue() -> None:
         await pause()
         assert answer.status_code == 499
         assert service.requests.n_held == 0
-        assert service.turns.wait_seconds == 0.0
+        assert service.queue.wait_seconds == 0.0
         await place.work(1.0)
         await other
 
