@@ -251,6 +251,21 @@ def test_an_output_is_never_an_input(call: tuple[str, ...], folder: Path, signsp
     assert {path: (path.lstat().st_ino, path.read_bytes()) for path in folder.rglob("*") if path.is_file()} == before
 
 
+def test_pictures_mark_the_words_that_travel_in_the_file(signsplice: Call, folder: Path) -> None:
+    assert signsplice("splice", "HELLO.bvh", "SIGN.bvh", "-o", "both.glb", "--report", "r.json").returncode == 0
+    pages = []
+    for call in (("marked.png",), ("told.png", "--report", "r.json")):
+        assert signsplice("render", "both.glb", *call).returncode == 0
+        pages.append((folder / call[0]).read_bytes())
+    assert pages[0] == pages[1]
+    clip = load(folder / "both.glb")
+    save(replace(clip, report={"version": "?"}), folder / "odd.glb")
+    run = signsplice("render", "odd.glb", "plain.png")
+    assert (run.returncode, run.stderr.count("\n")) == (0, 1)
+    assert "odd.glb: its report of a splice: is no report" in run.stderr
+    assert (folder / "plain.png").read_bytes() != pages[0]
+
+
 @pytest.mark.parametrize(
     "call", [("convert", "SIGN.bvh", "linked.bvh"), ("sentence", "I", "-o", "new.bvh", "--report", "linked.bvh")]
 )

@@ -47,8 +47,8 @@ FLOORS = {
 SPLICING = (
     "contracts", "durations", "runtime", "bundle", "features", "cutters", "curves", "learned", "word",
     "seam", "collisions", "person", "carriage", "passes", "tempo", "letters", "pauses", "result", "faces", "mouthing",
-    "systems", "from_positions", "lptransformer", "options", "cards", "stages", "sentence", "engine", "bulk_splice",
-    "report",
+    "systems", "from_positions", "lptransformer", "options", "cards", "stages", "sentence", "report", "engine",
+    "bulk_splice",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 

@@ -11,7 +11,8 @@ import pytest
 from conftest import random_clip
 
 from signing import word
-from signsplice.errors import InputError
+from signsplice.errors import FormatError, InputError
+from signsplice.formats import load, save
 from signsplice.motion import Clip
 from signsplice.splicing import report
 from signsplice.splicing.engine import SpliceOptions, splice
@@ -156,3 +157,34 @@ def test_a_report_that_is_no_object_or_of_another_clip_is_refused(tmp_path: Path
     path.write_text(json.dumps(stored()))
     with pytest.raises(InputError, match="but the clip has 5; is it another clip's report"):
         report.read(path, 5)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".vrma", ".npz"])
+def test_the_report_travels_in_files_that_can_hold_it(sentence: list[Clip], tmp_path: Path, suffix: str) -> None:
+    result, path = splice(sentence), tmp_path / f"sentence{suffix}"
+    save(result.clip, path)
+    clip = load(path)
+    assert clip.report is not None
+    checked = report.check(clip.report, len(clip), str(path))
+    assert checked == {**json.loads(json.dumps(report.describe(result))), "timing_ms": {}}
+    assert clip[: len(clip) // 2].report is None, "the report of other frames"
+    save(result.clip, tmp_path / f"again{suffix}")
+    assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes(), "no times in it"
+
+
+def test_a_report_in_a_file_is_checked_before_use(sentence: list[Clip]) -> None:
+    clip = splice(sentence).clip
+    assert clip.report is not None
+    with pytest.raises(FormatError, match="is no report of a splice"):
+        report.check({**clip.report, "spans": [1]}, len(clip), "a.glb")
+    with pytest.raises(InputError, match="another clip's report"):
+        report.check(clip.report, len(clip) - 1, "a.glb")
+
+
+def test_a_broken_report_in_a_file_leaves_its_motion(sentence: list[Clip], tmp_path: Path) -> None:
+    clip, path = splice(sentence).clip, tmp_path / "sentence.glb"
+    save(clip, path)
+    path.write_bytes(path.read_bytes().replace(rb'"{\"version\"', rb'"[\"version\"'))
+    broken = load(path)
+    assert (broken.report, len(broken)) == (None, len(clip))
+    assert "the report of a splice in it was left out" in broken.notes[-1]

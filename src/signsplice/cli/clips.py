@@ -231,6 +231,23 @@ def _would_overwrite(output: Path, source: Path) -> bool:
         return False
 
 
+def report_of(clip: Clip, file: str, path: str | None) -> dict[str, Any] | None:
+    """Return the report of the splice that made a clip from ``file``: from ``path``, else the one in the file; None
+    without. Warns of one in the file that cannot be used.
+    """
+    if path is None and clip.report is None:
+        return None
+    from signsplice.splicing import report as reports
+
+    if path is not None:
+        return reports.read(path, len(clip))
+    try:
+        return reports.check(clip.report, len(clip), f"{file}: its report of a splice")
+    except InputError as error:
+        warn([f"{error}; left out"])
+        return None
+
+
 def write(
     clip: Clip,
     output: str,

@@ -10,7 +10,6 @@ import click
 
 from signsplice.cli.clips import (
     SKIN,
-    Spans,
     check_outputs,
     faces_of,
     load,
@@ -19,6 +18,7 @@ from signsplice.cli.clips import (
     read_as,
     reads_clips,
     reads_faces,
+    report_of,
     write,
 )
 from signsplice.cli.options import AS_JSON, option, preset, two_numbers
@@ -125,7 +125,7 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
 @click.command()
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
-@option("--report", "R.json", "The splice's report, so that its transitions are marked.")
+@option("--report", "R.json", "Report of the splice, if it is not in the file.")
 @preset("--view", "front", "VIEW", "View: front, three-quarter or side.")
 @option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]")
 @reads_clips
@@ -136,12 +136,9 @@ def render(source: str, output: str, report: str | None, view: str, size: str | 
         raise InputError(f"{output}: {expected}; use convert for other files")
     check_outputs(output, inputs=[source, report])
     clip = load(source)
-    spans: Spans = ()
-    if report is not None:
-        from signsplice.splicing import report as reports
-
-        rows = reports.read(report, len(clip))["spans"]
-        spans = [(span["kind"], span["name"] or "", *span["output"]) for span in rows]
+    stored = report_of(clip, source, report)
+    rows = [] if stored is None else stored["spans"]
+    spans = [(span["kind"], span["name"] or "", *span["output"]) for span in rows]
     expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
     write(clip, output, spans, view, None if size is None else two_numbers(size.lower(), "x", expected))
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_output, load, load_avatar, reads_clips
+from signsplice.cli.clips import check_output, load, load_avatar, reads_clips, report_of
 from signsplice.cli.options import LEXICONS, option, preset
 from signsplice.cli.terminal import require, warn
 from signsplice.errors import InputError, MissingExtraError
@@ -87,7 +87,12 @@ def serve(
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE [OTHER]")
-@option("--report reports", "R.json", "Report of the splice, for each file in order.", multiple=True)
+@option(
+    "--report reports",
+    "R.json",
+    "Report of the splice, for each file in order, if not in the file.",
+    multiple=True,
+)
 @option("-o --output", "PAGE.html", "Write one self-contained page instead of opening a browser.")
 @option("--port", "N", "Port.  [default: any free one]", type=int, default=0)
 @LEXICONS
@@ -100,14 +105,13 @@ def view(files: tuple[str, ...], reports: tuple[str, ...], output: str | None, b
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
     from signsplice.formats import atomic
-    from signsplice.splicing import report as splice_reports
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
         check_output(output, [*files, *reports])
     clips = [load(file) for file in files]
-    parsed_reports = [splice_reports.read(path, len(clip)) for path, clip in zip(reports, clips, strict=False)]
+    stored = [report_of(*part) for part in zip_longest(clips, files, reports)]
     try:
         _require_extra()
         from signsplice.service import page, scene
@@ -123,7 +127,7 @@ def view(files: tuple[str, ...], reports: tuple[str, ...], output: str | None, b
         head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         text = head + "".join(map(notebook.html, clips))
     else:
-        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip_longest(clips, parsed_reports)]
+        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip(clips, stored, strict=True)]
         text = page.html(scenes, live=output is None)
     if output is not None:
         atomic.write(output, text)

@@ -33,7 +33,7 @@ from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
 from signsplice.formats import join_suffixes
 from signsplice.formats.fbx_avatar import as_glb
-from signsplice.formats.gltf_document import ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
+from signsplice.formats.gltf_document import REPORT_EXTRA, ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
 from signsplice.formats.gltf_face import face_controls, split_controls
 from signsplice.formats.gltf_mesh import MeshReader
 from signsplice.formats.gltf_writer import DocumentWriter
@@ -79,6 +79,8 @@ def _encode_avatar(clip: Clip, file: AvatarFile) -> bytes:
     extras = document.setdefault("extras", {})
     if isinstance(extras, dict) and clip.skeleton.roles:
         extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
+    if isinstance(extras, dict) and clip.report is not None:
+        extras[REPORT_EXTRA] = json.dumps(clip.report, ensure_ascii=False)
     return pack(document, blob)
 
 

@@ -6,12 +6,14 @@ mesh and an action. ``gltf_reader`` describes reading.
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
-from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA
+from signsplice.formats.gltf_document import HUMANOID_EXTRA, REPORT_EXTRA, ROLES_EXTRA
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
@@ -60,6 +62,8 @@ def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
     writer.gltf.extras = {HUMANOID_EXTRA: names_of_roles}
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
+    if clip.report is not None:
+        writer.gltf.extras[REPORT_EXTRA] = json.dumps(clip.report, ensure_ascii=False)
     if mesh:
         bind_quats, positions = bind_pose(clip.skeleton)
         writer.skin(joints, rotation.to_matrix(bind_quats).transpose(0, 2, 1), metres * positions, joints[0])

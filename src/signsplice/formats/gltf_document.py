@@ -36,6 +36,8 @@ ROLES_EXTRA = "roles"
 """Our extra of the document: role -> joint name, from a roles file."""
 HUMANOID_EXTRA = "humanoid"
 """Our extra of the document: role -> joint name of all known roles, for viewers."""
+REPORT_EXTRA = "signsplice_report"
+"""Our extra of the document: the report of the splice that made its animation, as JSON text."""
 GENERATOR = "signsplice"
 """What our files name as their program."""
 _KEEPS_JOINTS = re.compile(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signsplice.errors import FormatError
 from signsplice.formats.gltf_document import (
     DRIFT,
     EVEN,
@@ -22,6 +23,7 @@ from signsplice.formats.gltf_document import (
     INTERPOLATIONS,
     LEAST_FPS,
     MOST_FPS,
+    REPORT_EXTRA,
     ROLES_EXTRA,
     Fields,
     Keys,
@@ -32,7 +34,7 @@ from signsplice.formats.gltf_document import (
     to_rest_axes,
 )
 from signsplice.formats.gltf_face import FaceReader, target_names, vrm_expressions
-from signsplice.formats.json_files import as_object, shorten_json
+from signsplice.formats.json_files import as_object, parse_json, shorten_json
 from signsplice.formats.reading import DEFAULT_LIMITS, JOINT_FRAME_BYTES, ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.motion.face import shape_of
@@ -110,10 +112,22 @@ class _AnimationReader(FaceReader):
             name=printable(animation.get("name"), stem(self.file)),
             translations=translations if stretches else None,
             left_out=left_out(self.json, animation),
+            report=self._report(),
             notes=(*_notes(self.json["animations"]), *self.notes),
             face=self._face(animation, times, fps),
         )
         return self._with_bones(clip)
+
+    def _report(self) -> dict[str, Any] | None:
+        """Return the report of a splice in the document's extras; None without, or with a note if it is no JSON."""
+        text = as_object(self.json.get("extras")).get(REPORT_EXTRA)
+        if not isinstance(text, str):
+            return None
+        try:
+            return as_object(parse_json(text.encode(), "", "a report")) or None
+        except FormatError as error:
+            self.notes = (*self.notes, f"the report of a splice in it was left out: {error}")
+            return None
 
     def _roles_from_extras(self, names: Sequence[str]) -> dict[str, str]:
         """Return role -> joint name from the extras of a file that we wrote, for existing joints."""

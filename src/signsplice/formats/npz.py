@@ -13,6 +13,7 @@ import numpy as np
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
+from signsplice.formats.json_files import as_object
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
@@ -52,6 +53,7 @@ def encode(clip: Clip, rounded: bool = False) -> bytes:
         "names": skeleton.names,
         "end_joints": [site.joint for site in skeleton.end_sites],
         "roles": dict(skeleton.roles) if skeleton.roles is not None else None,
+        "report": clip.report,
     }
     arrays = {
         "parents": skeleton.parents,
@@ -143,6 +145,7 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         translations=arrays.get("translations"),
         channels=_channels(head, arrays) if "channels" in head else None,
         face=_face(head["face"], arrays["face_weights"]) if "face" in head else None,
+        report=as_object(head.get("report")) or None,
     )
 
 

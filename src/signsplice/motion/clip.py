@@ -288,6 +288,7 @@ class Clip(HasDerived):
     left_out: names of what its file animates but the clip does not hold (expressions, morph targets, look-at).
     notes: lines about other differences from its file: the first of several animations, a rounded rate.
     face: the face in every frame; None if unknown.
+    report: JSON-ready report of the splice that made the frames (``splicing.report``); None for all others.
     source_clip: the clip that this one is a rigid placement of (``rig.align.place``), else None.
 
     Arrays are used without a copy: do not write to them afterwards. Raises ``InputError`` if shapes do not fit, T is 0,
@@ -304,6 +305,7 @@ class Clip(HasDerived):
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     face: Face | None = None
+    report: Mapping[str, Any] | None = None
     source_clip: Clip | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -430,7 +432,7 @@ def _concatenate_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
 
 def copy_unchecked(clip: Clip, **changes: object) -> Clip:
     """Copy ``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; also
-    without its face if the number of frames changes and no face is given.
+    without its face and its report if the number of frames changes and none are given.
 
     For changes that cannot break a valid clip: slices, joins and rigid moves.
     """
@@ -441,6 +443,8 @@ def copy_unchecked(clip: Clip, **changes: object) -> Clip:
         new_clip.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
     if new_clip.face is not None and len(new_clip.face) != len(new_clip):
         new_clip.__dict__["face"] = None
+    if "report" not in changes and len(new_clip) != len(clip):
+        new_clip.__dict__["report"] = None
     return new_clip
 
 

@@ -28,6 +28,7 @@ from signsplice.splicing.durations import MAX_TRANSITION_S
 from signsplice.splicing.faces import ease_face
 from signsplice.splicing.options import SpliceOptions, choose
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, fill
+from signsplice.splicing.report import with_report
 from signsplice.splicing.result import FaceSources, Piece, PlannedPerson, Span, SpliceResult, measure_tempo
 from signsplice.splicing.seam import ONE_CLIP, Seam, SeamScore, score_seam, seam_positions
 from signsplice.splicing.sentence import Sentence
@@ -71,7 +72,7 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         clip = copy_unchecked(clip, channels=replace(clip.channels, starts=starts))
     seconds = sentence.seconds | {"join": sentence.seconds["join"] + perf_counter() - began}
     cutter, transition, bundle = sentence.names
-    return SpliceResult(
+    result = SpliceResult(
         clip=clip,
         spans=tuple(piece.span for piece in pieces),
         seams=tuple(piece.seam for piece in pieces if piece.seam is not None),
@@ -87,6 +88,7 @@ def joined_sentence(sentence: Sentence, pieces: Sequence[Piece]) -> SpliceResult
         skeleton=sentence.skeleton,
         system=None if system is None else system.report_entry(),
     )
+    return with_report(result)
 
 
 def stream(clips: Iterable[Clip | Word], options: SpliceOptions | None = None) -> Iterator[Piece]:
@@ -175,7 +177,7 @@ def inbetween(
     began = perf_counter()
     joined = concatenate(pieces, name=clip.name)
     timing = {"harmonize": 0.0, "cut": 0.0, "transition": transition_s, "join": perf_counter() - began}
-    return SpliceResult(
+    result = SpliceResult(
         clip=joined,
         spans=tuple(spans),
         seams=tuple(seams),
@@ -185,6 +187,7 @@ def inbetween(
         timing_ms={part: 1e3 * seconds for part, seconds in timing.items()},
         bundle=chosen.bundle,
     )
+    return with_report(result)
 
 
 def _check_gaps(gaps: Sequence[tuple[int, int]], n_frames: int) -> list[tuple[int, int]]:
@@ -206,4 +209,5 @@ def onto_avatar(result: SpliceResult, avatar: Avatar) -> SpliceResult:
     """
     done = retarget(result.clip, avatar)
     description = {"name": avatar.label, "contacts": [asdict(contact) for contact in done.contacts]}
-    return replace(result, clip=done.clip, warnings=(*result.warnings, *done.warnings), avatar=description)
+    result = replace(result, clip=done.clip, warnings=(*result.warnings, *done.warnings), avatar=description)
+    return with_report(result)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -13,6 +13,7 @@ from signsplice.body.retarget import Retargeted
 from signsplice.errors import FormatError, InputError
 from signsplice.formats import atomic
 from signsplice.formats.json_files import check_type, read_json
+from signsplice.motion import copy_unchecked
 from signsplice.splicing.result import ReachedTempo, Span, SpliceResult
 from signsplice.splicing.seam import SeamScore
 
@@ -102,6 +103,11 @@ def describe_retargeting(done: Retargeted, source: str, onto: str) -> dict[str, 
     }
 
 
+def with_report(result: SpliceResult) -> SpliceResult:
+    """Returns the result with its report, without times, in its clip: the formats that can hold it write it."""
+    return replace(result, clip=copy_unchecked(result.clip, report={**describe(result), "timing_ms": {}}))
+
+
 def write(report: Mapping[str, Any], path: str | Path) -> None:
     """Writes a report as JSON, atomically."""
     atomic.write(path, json.dumps(report, indent=2, ensure_ascii=False) + "\n")
@@ -113,12 +119,18 @@ def write_report(result: SpliceResult, path: str | Path) -> None:
 
 
 def read(path: str | Path, n_frames: int) -> dict[str, Any]:
-    """Reads a report and checks it against its clip of ``n_frames``. Keys that earlier versions of the program did not
-    write get their defaults; unknown keys of later versions stay.
-
-    Raises ``InputError`` if the file is not a report of version 1, or describes another clip.
+    """Reads the report in a file, as ``check`` returns it. Raises the errors of ``check``, and ``InputError`` if the
+    file cannot be read.
     """
-    stored = read_json(path, "the report of a splice")
+    return check(read_json(path, "the report of a splice"), n_frames, str(path))
+
+
+def check(stored: Any, n_frames: int, file: str) -> dict[str, Any]:
+    """Checks the report ``stored`` in a file against its clip of ``n_frames``, and returns it. Keys that earlier
+    versions of the program did not write get their defaults; unknown keys of later versions stay.
+
+    Raises ``FormatError`` if it is not a report of version 1, ``InputError`` if it describes another clip.
+    """
     try:
         report = {**_DEFAULTS, **stored}
         for name, kind in _KINDS.items():
@@ -134,11 +146,11 @@ def read(path: str | Path, n_frames: int) -> dict[str, Any]:
             if not 0 <= start <= stop:
                 raise ValueError(f"spans: output {start} to {stop}, expected frames in order")
     except (ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"is no report of a splice ({str(error)[:200]})", file=str(path)) from error
+        raise FormatError(f"is no report of a splice ({str(error)[:200]})", file=file) from error
     ends = [row["output"][1] for row in report["spans"]]
     if ends and (ends[-1] != n_frames or max(ends) > n_frames):
         raise InputError(
-            f"{path}: describes {max(ends)} frames, but the clip has {n_frames}; is it another clip's report?"
+            f"{file}: describes {max(ends)} frames, but the clip has {n_frames}; is it another clip's report?"
         )
     return report
 
