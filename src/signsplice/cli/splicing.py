@@ -279,6 +279,7 @@ class _Target:
 
     def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
         """Write the clip and the report with the keys ``more``, and print the warnings and a line about the clip."""
+        from signsplice.motion import copy_unchecked
         from signsplice.splicing import report as reports
 
         if self.avatar is not None:
@@ -288,7 +289,8 @@ class _Target:
         began = time.perf_counter()
         is_recorded = result.face is not None and bool(result.face.recorded)
         spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
-        write(result.clip, self.output, spans, warns_of_lost=is_recorded)
+        clip = copy_unchecked(result.clip, report={**(result.clip.report or {}), **more})
+        write(clip, self.output, spans, warns_of_lost=is_recorded)
         save_ms = 1e3 * (time.perf_counter() - began)
         if self.report is not None:
             reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | {**more}, self.report)
