@@ -19,9 +19,9 @@ BILL = "signsplice.cdx.json"
 TOOLS = ("dev", "fuzz")
 """Extras of those who work on the package; no user asks for what is in them."""
 LICENCES = {
-    "Apache-2.0": ("prometheus-client", "pyarrow", "python-multipart", "ray"),
+    "Apache-2.0": ("dracopy", "prometheus-client", "pyarrow", "python-multipart", "ray"),
     "BSD-3-Clause": ("click", "numpy", "protobuf", "scipy", "uvicorn", "websockets"),
-    "MIT": ("fastapi", "onnxruntime", "pygltflib", "rapidfuzz", "rich"),
+    "MIT": ("fastapi", "meshopt", "onnxruntime", "pygltflib", "rapidfuzz", "rich"),
     "MIT-CMU": ("pillow",),
 }
 """Licence -> packages that a wheel asks for, as docs/dependencies.md has them."""

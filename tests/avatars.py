@@ -128,7 +128,6 @@ def write(
     roles: Mapping[str, str] | None = None,
     hair: bool = True,
     sparse: bool = False,
-    draco: bool = False,
 ) -> Path:
     """Write an avatar in the rest pose: VRM ``version`` "1.0", "0.x" (facing -Z), or "" for a plain .glb.
 
@@ -173,9 +172,6 @@ def write(
     bind = glb.array(inverse.transpose(0, 2, 1).reshape(-1, 16), "f32", "MAT4")
     glb.json["skins"].append({"joints": bones, "inverseBindMatrices": bind})
     _meshes(glb, parts, behind, weights, sparse)
-    for mesh in glb.json["meshes"] if draco else ():
-        for primitive in mesh["primitives"]:
-            primitive["extensions"] = {"KHR_draco_mesh_compression": {}}
     _humanoid(glb, version, humanoid, springs)
     return glb.write(path)
 

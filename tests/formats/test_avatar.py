@@ -163,10 +163,6 @@ def test_what_is_no_avatar_is_refused_in_one_line(tmp_path: Path, broad: Avatar)
             ss.read_avatar(tmp_path / name)
         assert expected in str(caught.value)
         assert len(str(caught.value).splitlines()) == 1
-    packed = avatars.tubes(broad)[:1]
-    avatars.write(tmp_path / "draco.vrm", broad, packed, hair=False, draco=True)
-    with pytest.raises(FormatError, match="compressed by KHR_draco_mesh_compression, which is not read"):
-        ss.read_avatar(tmp_path / "draco.vrm")
     path, few = written(tmp_path, broad), replace(DEFAULT_LIMITS, free_bytes=2e6, growth=0.5)
     with pytest.raises(LimitError, match="expected at most"):
         ss.read_avatar(path, limits=few)

@@ -36,6 +36,7 @@ from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.gltf_document import REPORT_EXTRA, ROLES_EXTRA, VRM_0, VRM_1, Fields, chunks
 from signsplice.formats.gltf_face import face_controls, split_controls
 from signsplice.formats.gltf_mesh import MeshReader
+from signsplice.formats.gltf_unpack import DRACO, unpack_meshes
 from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, read_bytes, stem
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
@@ -240,6 +241,8 @@ class AvatarReader(MeshReader):
         """Return the avatar in ``content``; ``roles``: role -> joint name, which override the file's; ``skin``: names
         of meshes, nodes or materials that are skin.
         """
+        if DRACO in (self.json.get("extensionsUsed") or ()):
+            self._unpack(unpack_meshes)
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
         _, _, names = self._tree(order)
@@ -278,7 +281,7 @@ class AvatarReader(MeshReader):
         pictures = {
             n: image_file for n, image in enumerate(self.json.get("images") or ()) if (image_file := self._image(image))
         }
-        if content[:4] == b"glTF" and not pictures and not any("uri" in buffer for buffer in buffers):
+        if content[:4] == b"glTF" and not pictures and len(buffers) == 1 and "uri" not in buffers[0]:
             return content
         document, blob, starts = copy.deepcopy(self.json), bytearray(), []
         for n in range(len(buffers)):

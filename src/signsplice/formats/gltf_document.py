@@ -10,7 +10,7 @@ import binascii
 import math
 import re
 import struct
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import FormatError
+from signsplice.formats.gltf_unpack import MESHOPT, Check, View, unpack_views
 from signsplice.formats.json_files import parse_json, shorten_json
 from signsplice.formats.reading import ReadLimits, check_most, read_bytes
 from signsplice.motion import FloatArray, rotation
@@ -42,13 +43,9 @@ GENERATOR = "signsplice"
 """What our files name as their program."""
 _KEEPS_JOINTS = re.compile(
     r"(KHR|EXT|MSFT|ADOBE)_((materials|texture|lights|mesh|xmp)_\w+"
-    r"|draco_mesh_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
+    r"|draco_mesh_compression|meshopt_compression|node_visibility|animation_pointer)|VRM|VRMC_\w+"
 )
 """Extensions that a file may require: they move no joint by keys of their own, or a warning names what they animate."""
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
-"""Extensions of packed meshes, which are not read."""
-UNPACK = "`npx @gltf-transform/cli copy IN.glb OUT.glb` unpacks it"
-"""Advice for users: the command is free (MIT), but drops the extensions of VRM."""
 _VALUE_BYTES = 50
 """Approximate bytes of memory that a value of a JSON document takes."""
 _COMPONENTS: dict[int, type[np.generic]] = {
@@ -95,8 +92,23 @@ class Document:
         self._files: dict[str, bytes] = {}
         self._arrays: dict[int, FloatArray] = {}
         self._array_bytes = 0
+        if {*MESHOPT} & {*(self.json.get("extensionsUsed") or ())}:
+            self._unpack(unpack_views)
         self.parents = self._parents()
         self.order = self._order_of_nodes()
+
+    def _unpack(self, unpack: Callable[[Fields, View, Check], bytes]) -> None:
+        """Unpack content of the document, one of the functions of ``gltf_unpack``."""
+        content = unpack(self.json, self._packed, self._check_unpacked)
+        self._buffers[len(self.json["buffers"]) - 1] = content
+
+    def _packed(self, place: Fields) -> bytes:
+        """Return the bytes at a place in a buffer."""
+        first = self._field(place, "byteOffset", 0, "packed content")
+        return self._buffer(place.get("buffer"))[first : first + self._field(place, "byteLength", 0, "packed content")]
+
+    def _check_unpacked(self, what: str, n_bytes: int) -> None:
+        self.limits.check_memory(what, n_bytes, self.given_bytes, self.file)
 
     def _check_versions(self) -> None:
         """Raise ``FormatError`` if the file needs another glTF version or an extension that is not read (glTF 2.0,
@@ -110,8 +122,7 @@ class Document:
             raise self._error(f"needs a reader of glTF {least:.20}, expected 2.0")
         for name in self.json.get("extensionsRequired") or ():
             if not _KEEPS_JOINTS.fullmatch(name):
-                remedy = UNPACK if name in COMPRESSED else "export it without"
-                raise self._error(f"requires the extension {name!r:.80}, which is not read; {remedy}")
+                raise self._error(f"requires the extension {name!r:.80}, which is not read; export it without")
 
     def _parents(self) -> dict[int, int]:
         parents: dict[int, int] = {}

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from signsplice.body.capsules import N_JOINTS, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
-from signsplice.formats.gltf_document import UNPACK, VRM_0, Fields, SkeletonDocument
+from signsplice.formats.gltf_document import VRM_0, Fields, SkeletonDocument
 from signsplice.formats.json_files import as_object
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
 """glTF's primitive mode for triangles."""
-_DRACO = "KHR_draco_mesh_compression"
 _VERTEX_BYTES = 400
 """Bytes of memory counted for a vertex."""
 _INDEX_BYTES = 64
@@ -246,8 +245,6 @@ class MeshReader(SkeletonDocument):
         self, primitive: Fields, bones: _Bones, turn: FloatArray, origin: FloatArray
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
         """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry."""
-        if _DRACO in (primitive.get("extensions") or {}):
-            raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
         attributes, (matrices, rows, carries_skin) = primitive["attributes"], bones
         # Counted for each part, even if parts share an accessor, or nodes a mesh.
         indices = self._values(primitive["indices"])[:, 0]
