@@ -283,12 +283,12 @@ class PosedCapsules:
 
         Tests whole hands first, as balls too: most of the time they are close to nothing.
         """
-        hands, obstacles, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
+        hands, rows, obstacles, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
         clip_lengths = np.diff([*firsts, len(self.starts)])
-        origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], clip_lengths, axis=0)
+        origins = np.repeat(self.starts[list(firsts)].mean(axis=1), clip_lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
         unmoved = starts
         if moves is not None:
@@ -304,8 +304,7 @@ class PosedCapsules:
         if fixed is not None:
             met[:, fixed, :n_solid] = False
         frames, part, column = np.nonzero(met)
-        rows = np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands))
-        movers, other_rows = rows.T[part], obstacles[column]  # of each hand its capsules, then -1
+        movers, other_rows = rows[part], obstacles[column]
         t, axis = frames[:, None], axes[frames, other_rows]
         squared = segment_distance_squared(
             middles[t, movers], starts[frames, other_rows][:, None], axis[:, None], dot(axis, axis)[:, None]
@@ -382,9 +381,10 @@ class PosedCapsules:
 
 def _meeting_parts(
     body: BodyCapsules,
-) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:
-    """Returns the capsules of both hands and both forearms; the (B,) obstacles, which they must not enter; how many of
-    these are not of the right hand; which of them (4, B) to test for each hand and forearm; and radii (C,).
+) -> tuple[list[Index], Index, Index, int, NDArray[np.bool_], FloatArray]:
+    """Returns the capsules of both hands and both forearms; these (4, M), each filled up by -1; the (B,) obstacles,
+    which they must not enter; how many of these are not of the right hand; which of them (4, B) to test for each hand
+    and forearm; and radii (C,).
     """
     groups, arms = body.groups, (body.groups.left_arm, body.groups.right_arm)
     movers = [groups.left, groups.right, *([n for n in arm if body.parts[n] == "cuff"] for arm in arms)]
@@ -395,7 +395,8 @@ def _meeting_parts(
     for side, arm in enumerate(arms):
         meet[side::2, np.isin(obstacles, arm)] = False
     meet[2:, ~np.isin(obstacles, arms[0] + arms[1])] = False
-    return [np.array(rows, np.intp) for rows in movers], obstacles, n_solid, meet, body.radii.max(axis=1)
+    filled = np.array([*zip_longest(*movers, fillvalue=-1)], np.intp).reshape(-1, 4).T
+    return [np.array(rows, np.intp) for rows in movers], filled, obstacles, n_solid, meet, body.radii.max(axis=1)
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -471,17 +472,18 @@ class NearPairs:
             moved = self.hands[:, :1] * left + self.hands[:, 1:] * right
             offsets, apart = offsets + moved, apart + moved
         depths, directions = _penetration(offsets, *self.axes, *self.radii)
-        for side in (0, 1):
-            rows = np.flatnonzero(self.hands[:, side])
-            np.maximum.at(depth[:, side], self.frames[rows], depths[rows])
-            rows = rows[depths[rows] == depth[self.frames[rows], side]]  # the deepest; of equals the last one stays
-            between_hands, normals = apart[rows], directions[rows]
-            out = normals + _WHOLE_HAND_WEIGHT * between_hands / (
-                np.linalg.norm(between_hands, axis=-1, keepdims=True) + TINY
-            )
-            out /= np.linalg.norm(out, axis=-1, keepdims=True) + TINY
-            out = np.where(self.meeting[rows, None], out, normals)
-            exits[self.frames[rows], side] = out * self.hands[rows, side, None]
+        rows, sides = np.nonzero(self.hands)
+        at, of_pairs = 2 * self.frames[rows] + sides, depths[rows]
+        np.maximum.at(depth.reshape(-1), at, of_pairs)
+        deepest = of_pairs == depth.reshape(-1)[at]
+        rows, sides, at = rows[deepest], sides[deepest], at[deepest]
+        between_hands, normals = apart[rows], directions[rows]
+        out = normals + _WHOLE_HAND_WEIGHT * between_hands / (
+            np.linalg.norm(between_hands, axis=-1, keepdims=True) + TINY
+        )
+        out /= np.linalg.norm(out, axis=-1, keepdims=True) + TINY
+        out = np.where(self.meeting[rows, None], out, normals)
+        exits.reshape(-1, 3)[at] = out * self.hands[rows, sides, None]  # of equal depths, the last
         return depth, exits
 
     def persistent_contact_distance(self) -> float:
