@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import mmap
 import re
 import sqlite3
@@ -22,7 +23,7 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
@@ -483,13 +484,20 @@ def application_id(path: Path) -> int | None:
 
 def _check_types(stored: Head | Entry | ClipLocation) -> None:
     """Raise ``TypeError`` if a field has a different type than declared: SQLite stores any type in any column."""
-    for name, kind in _FIELD_TYPES[type(stored)].items():
+    for name, kind, plain in _FIELD_TYPES[type(stored)]:
         value = getattr(stored, name)
-        if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
+        if type(value) not in plain or (type(value) is float and not math.isfinite(value)):
             check_type(value, kind, name)
 
 
-_FIELD_TYPES = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
+_FIELD_TYPES = {
+    kind: [
+        (name, hint, get_args(hint) or (hint,))
+        for name, hint in get_type_hints(kind).items()
+        if name != "synonyms"  # checked as JSON
+    ]
+    for kind in (Head, Entry, ClipLocation)
+}
 
 
 def _check_entry(entry: Entry) -> None:

@@ -133,8 +133,9 @@ def exp(rotvec: ArrayLike) -> FloatArray:
     """Unit quaternions (..., 4) of rotation vectors (..., 3), radians."""
     v = np.asarray(rotvec, np.float64)
     angle = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
-    # sin(a/2)/a; np.sinc(x) is sin(pi x)/(pi x) and is exact at 0.
-    scale = 0.5 * np.sinc(angle / (2.0 * np.pi))
+    half = np.pi * (angle / (2.0 * np.pi))
+    half = np.where(half, half, np.finfo(np.float64).eps)  # sin(a/2)/a is exact at 0 too
+    scale = 0.5 * (np.sin(half) / half)
     return np.concatenate([v * scale, np.cos(0.5 * angle)], axis=-1)
 
 
@@ -328,8 +329,15 @@ def matrix_to_6d(m: ArrayLike) -> FloatArray:
 
 
 def matrix_from_6d(r: ArrayLike) -> FloatArray:
-    """Rotation matrices (..., 3, 3) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError``
-    if degenerate.
+    """Rotation matrices (..., 3, 3) of 6D (..., 6), from ``orthonormal_6d``."""
+    columns = orthonormal_6d(r)
+    x, y = columns[..., :3], columns[..., 3:]
+    return np.stack([x, y, cross(x, y)], axis=-1)
+
+
+def orthonormal_6d(r: ArrayLike) -> FloatArray:
+    """First two columns of a rotation matrix (..., 6) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14).
+    Raises ``ValueError`` if degenerate.
     """
     r = np.asarray(r, np.float64)
     a, b = r[..., :3], r[..., 3:]
@@ -339,5 +347,4 @@ def matrix_from_6d(r: ArrayLike) -> FloatArray:
     nb = np.linalg.norm(b, axis=-1, keepdims=True)
     if np.any(na < _TINY) or np.any(nb < _TINY):
         raise ValueError("6D rotation with a zero or parallel column has no rotation")
-    y = b / nb
-    return np.stack([x, y, cross(x, y)], axis=-1)
+    return np.concatenate([x, b / nb], axis=-1)

@@ -258,9 +258,10 @@ def _avoiding_moves(
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = curves.fade_window(n_between)[:, None, None], _kernel(n_between)
-    moves, slack, near = moves.copy(), _AVOIDANCE.listed_travel_m / metres, None
+    moves, slack = moves.copy(), _AVOIDANCE.listed_travel_m / metres
+    listed = np.full_like(moves, np.inf)  # where hands were when pairs were listed
     for _ in range(_AVOIDANCE.most_rounds):
-        if near is None or float(np.linalg.norm(moves - listed, axis=-1).sum(axis=1).max()) > slack:
+        if np.linalg.norm(moves - listed, axis=-1).sum(axis=1).max() > slack:
             listed = moves.copy()
             near = posed.capsules.near_pairs(slack, moves=listed, fixed=fixed)
         depth, exits = near.penetration(moves)

@@ -156,7 +156,7 @@ def sample_motion(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTra
         high = np.minimum(frames.low[frames.mixed] + 1, len(motion.quats) - 1)
         alpha = frames.alpha[frames.mixed, None, None]
         mixed = (1.0 - alpha) * rotations[frames.mixed] + alpha * rotation.to_6d(motion.quats[high])
-        rotations[frames.mixed] = rotation.matrix_to_6d(rotation.matrix_from_6d(mixed))
+        rotations[frames.mixed] = rotation.orthonormal_6d(mixed)
         positions[frames.mixed] = (1.0 - alpha) * positions[frames.mixed] + alpha * motion.positions[high]
     return CanonicalTrajectory(rotations, positions, motion.has_role)
 
@@ -439,6 +439,11 @@ def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
     return np.repeat(sides, IS_ARM.sum() // 2)
 
 
+def _answer_basis(n_between: int) -> FloatArray:
+    """Returns ``answer_basis`` at the times of ``n_between`` frames."""
+    return answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
+
+
 def answer_basis(t: FloatArray) -> FloatArray:
     """Returns the polynomials (n, N_TERMS) of the network's output at times t (n,) in the gap, 0 to 1: 64 t^3 (1 - t)^3
     times the first Legendre polynomials, so that ends, end velocities and end accelerations stay those of the curve.
@@ -450,7 +455,7 @@ def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> Floa
     """Converts the network's output (N_TERMS, A, 3) to canonical rotation vectors (n_between, R, 3), radians, of the
     frames of a transition; 0 for roles that it does not correct.
     """
-    basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
+    basis = CACHE.recent(_answer_basis, n_between, most=512)
     rotvecs = np.zeros((n_between, len(ROLES), 3))
     rotvecs[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
     return mirror_deltas(rotvecs) if seen.mirrored else rotvecs
