@@ -211,9 +211,6 @@ WARN_FOREARM_M = 0.03
 """The same for a forearm in the trunk, whose width is a guess, m."""
 _MOST_DISTANCES = 12_000
 """Most distances computed at once: arrays of over 128 kB cost page faults."""
-_FOLLOWS = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]])
-"""Factors with which a pair's offset follows the left and right hand: pairs of the left one, the right one, and both.
-"""
 _WHOLE_HAND_WEIGHT = 1.2
 """Weight of the direction from hand to hand, relative to the exit direction of two capsules of the hands."""
 
@@ -314,8 +311,8 @@ class PosedCapsules:
         )
         least = np.maximum(reach[t, movers] + thick[other_rows, None] + slack, 0.0)
         n, k = np.nonzero((squared < least * least) & (movers >= 0))
-        frames, i, j, meeting = frames[n], movers[n, k], other_rows[n], column[n] >= n_solid
-        follows = _FOLLOWS[np.where(meeting, 2, part[n] % 2)]
+        frames, i, j, is_left, meeting = frames[n], movers[n, k], other_rows[n], part[n] % 2 == 0, column[n] >= n_solid
+        follows = np.column_stack([is_left, np.where(meeting, -1.0, ~is_left)])
         if fixed is not None:
             follows[:, fixed] = 0.0
         between_hands = np.zeros((len(i), 3))

@@ -484,20 +484,14 @@ def application_id(path: Path) -> int | None:
 
 def _check_types(stored: Head | Entry | ClipLocation) -> None:
     """Raise ``TypeError`` if a field has a different type than declared: SQLite stores any type in any column."""
-    for name, kind, plain in _FIELD_TYPES[type(stored)]:
+    for name, kind in _FIELD_TYPES[type(stored)].items():
         value = getattr(stored, name)
-        if type(value) not in plain or (type(value) is float and not math.isfinite(value)):
-            check_type(value, kind, name)
+        is_plain = type(value) is kind or type(value) in get_args(kind)
+        if name != "synonyms" and not (is_plain and (kind is not float or math.isfinite(value))):
+            check_type(value, kind, name)  # synonyms are checked as JSON
 
 
-_FIELD_TYPES = {
-    kind: [
-        (name, hint, get_args(hint) or (hint,))
-        for name, hint in get_type_hints(kind).items()
-        if name != "synonyms"  # checked as JSON
-    ]
-    for kind in (Head, Entry, ClipLocation)
-}
+_FIELD_TYPES = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}
 
 
 def _check_entry(entry: Entry) -> None:

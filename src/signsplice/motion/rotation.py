@@ -23,7 +23,7 @@ _NEXT = np.array([1, 2, 0])
 """Index of the axis after each axis, cyclically."""
 _LAST = np.array([2, 0, 1])
 """Index of the axis before each axis, cyclically."""
-_FEW = 600
+_FEW = 1600
 """Largest total size of both factors for which a product with few numpy calls is fastest."""
 _W_FIRST = np.array([[3], [0], [1], [2]])
 _FACTORS = np.array([[0, 1, 2, 3], [3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
@@ -47,8 +47,7 @@ def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
     if a.size + b.size <= _FEW:
         terms = a.take(_W_FIRST, axis=-1) * (b.take(_FACTORS, axis=-1) * _SIGNS)
         return np.asarray(terms[..., 0, :] + terms[..., 1, :] + terms[..., 2, :] + terms[..., 3, :])
-    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    (ax, ay, az, aw), (bx, by, bz, bw) = (np.ascontiguousarray(q.transpose(-1, *range(q.ndim - 1))) for q in (a, b))
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
     product[..., 1] = aw * by - ax * bz + ay * bw + az * bx

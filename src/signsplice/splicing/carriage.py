@@ -306,13 +306,10 @@ def rotate_person(clip: Clip, angles: FloatArray) -> Clip:
     that the rig has.
     """
     local = np.array(clip.local_rotations)
-    turned, rotvecs = list[int](), list[FloatArray]()
     for part, (joints, axes) in enumerate(clip.skeleton.derived[_rotated_joints]):
         if joints and angles[:, part].any():
-            turned += joints
-            rotvecs.append(np.einsum("kab,tb->tka", axes, np.deg2rad(angles[:, part] / len(joints))))
-    if turned:
-        local[:, turned] = rotation.multiply(local[:, turned], rotation.exp(np.concatenate(rotvecs, axis=1)))
+            rotvecs = np.einsum("kab,tb->tka", axes, np.deg2rad(angles[:, part] / len(joints)))
+            local[:, joints] = rotation.multiply(local[:, joints], rotation.exp(rotvecs))
     return copy_unchecked(clip, local_rotations=local)
 
 

@@ -107,7 +107,7 @@ def avoid_all_collisions(
             if not is_near or _worst(depth[frames]) == 0.0:
                 results[k] = ClearedTransition(filled, 0.0, 0.0)
             else:
-                results[k] = _lead_around(filled, before, after, posed[frames], depth[frames], fixed, most_tries)
+                results[k] = _lead_around(filled, (before, after), posed[frames], depth[frames], fixed, most_tries)
     return results
 
 
@@ -195,20 +195,14 @@ def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
 
 
 def _lead_around(
-    filled: Clip,
-    before: Clip,
-    after: Clip,
-    posed: _PosedWindow,
-    depth: FloatArray,
-    fixed: int | None,
-    most_tries: int,
+    filled: Clip, edges: tuple[Clip, Clip], posed: _PosedWindow, depth: FloatArray, fixed: int | None, most_tries: int
 ) -> ClearedTransition:
-    """``avoid_collisions`` for a posed transition whose hands have depths ``depth`` (n + 2, 2), m."""
+    """``avoid_collisions`` for a posed transition between ``edges``, whose hands have depths (n + 2, 2), m."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least, hold_weight = filled, 0.0, np.inf, 0.0
     for n in range(most_tries + 1):
         if n > 0:
-            posed = _pose(_window(filled, before, after), fixed)
+            posed = _pose(_window(filled, *edges), fixed)
             depth = posed.capsules.penetration(fixed=fixed)[0] * metres
         start = np.zeros((len(posed.positions), 2, 3))
         if n == 0 and fixed is None:

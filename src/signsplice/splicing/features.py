@@ -439,11 +439,6 @@ def answer_weights(lengths: FloatArray, seconds: float) -> FloatArray:
     return np.repeat(sides, IS_ARM.sum() // 2)
 
 
-def _answer_basis(n_between: int) -> FloatArray:
-    """Returns ``answer_basis`` at the times of ``n_between`` frames."""
-    return answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
-
-
 def answer_basis(t: FloatArray) -> FloatArray:
     """Returns the polynomials (n, N_TERMS) of the network's output at times t (n,) in the gap, 0 to 1: 64 t^3 (1 - t)^3
     times the first Legendre polynomials, so that ends, end velocities and end accelerations stay those of the curve.
@@ -455,7 +450,7 @@ def delta_rotvecs(answer: FloatArray, seen: GapFeatures, n_between: int) -> Floa
     """Converts the network's output (N_TERMS, A, 3) to canonical rotation vectors (n_between, R, 3), radians, of the
     frames of a transition; 0 for roles that it does not correct.
     """
-    basis = CACHE.recent(_answer_basis, n_between, most=512)
+    basis = answer_basis(np.arange(1, n_between + 1) / (n_between + 1))
     rotvecs = np.zeros((n_between, len(ROLES), 3))
     rotvecs[:, IS_ARM] = seen.weights[:, None] * np.tensordot(basis, answer.astype(np.float64), axes=1)
     return mirror_deltas(rotvecs) if seen.mirrored else rotvecs
