@@ -264,32 +264,47 @@ class PosedCapsules:
         """Returns the capsules of some frames."""
         return PosedCapsules(self.body, self.starts[frames], self.ends[frames])
 
-    def near_pairs(self, slack: float = 0.0, firsts: Sequence[int] = (0,), forearms: bool = False) -> NearPairs:
+    def near_pairs(
+        self,
+        slack: float = 0.0,
+        firsts: Sequence[int] = (0,),
+        forearms: bool = False,
+        moves: FloatArray | None = None,
+        fixed: int | None = None,
+    ) -> NearPairs:
         """Returns pairs of capsules that may overlap once they come nearer by up to ``slack``, clip units: one of a
         hand, taken as a ball about its middle, and one of head, trunk, the other arm or its hand.
 
-        slack: twice the largest move of a hand, if both hands move.
+        slack: the largest sum of both hands' moves in a frame.
         firsts: first frames of the clips, if several lie end to end.
         forearms: adds pairs of a forearm and the other arm.
+        moves: (T, 2, 3) of the hands, from which they move by ``slack``; forearms do not follow them.
+        fixed: side of a hand that does not move, 0 left or 1 right: only the other one is led out of what it meets.
 
         Tests whole hands first, as balls too: most of the time they are close to nothing.
         """
-        hands, obstacles, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
+        hands, rows, obstacles, n_solid, may_meet, thick = self.body.derived[_meeting_parts]
         if not forearms:
             hands, may_meet = hands[:2], may_meet[:2]
         radii = self.body.radii
         clip_lengths = np.diff([*firsts, len(self.starts)])
-        origins = np.repeat([self.starts[first].mean(axis=0) for first in firsts], clip_lengths, axis=0)
+        origins = np.repeat(self.starts[list(firsts)].mean(axis=1), clip_lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
+        unmoved = starts
+        if moves is not None:
+            starts = starts.copy()
+            for side in (0, 1):
+                starts[:, hands[side]] += moves[:, side, None]
         middles = starts + 0.5 * axes
         reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
         hand_balls = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
         balls, radius = (np.hstack([ball[k] for ball in hand_balls]) for k in (0, 1))
         met = _meet(balls, radius, starts[:, obstacles], axes[:, obstacles], thick[obstacles] + slack)
         met &= may_meet
+        if fixed is not None:
+            met[:, fixed, :n_solid] = False
         frames, part, column = np.nonzero(met)
-        rows = np.array([*zip_longest(*hands, fillvalue=-1)], np.intp).reshape(-1, len(hands))
-        movers, other_rows = rows.T[part], obstacles[column]  # of each hand its capsules, then -1
+        movers, other_rows = rows[part], obstacles[column]
         t, axis = frames[:, None], axes[frames, other_rows]
         squared = segment_distance_squared(
             middles[t, movers], starts[frames, other_rows][:, None], axis[:, None], dot(axis, axis)[:, None]
@@ -297,16 +312,19 @@ class PosedCapsules:
         least = np.maximum(reach[t, movers] + thick[other_rows, None] + slack, 0.0)
         n, k = np.nonzero((squared < least * least) & (movers >= 0))
         frames, i, j, is_left, meeting = frames[n], movers[n, k], other_rows[n], part[n] % 2 == 0, column[n] >= n_solid
+        follows = np.column_stack([is_left, np.where(meeting, -1.0, ~is_left)])
+        if fixed is not None:
+            follows[:, fixed] = 0.0
         between_hands = np.zeros((len(i), 3))
         if meeting.any():
-            between_hands = (starts[:, hands[0]].mean(axis=1) - starts[:, hands[1]].mean(axis=1))[frames]
+            between_hands = (unmoved[:, hands[0]].mean(axis=1) - unmoved[:, hands[1]].mean(axis=1))[frames]
         return NearPairs(
             n_frames=len(starts),
             frames=frames,
             pairs=i * len(radii) + j,
-            hands=np.column_stack([is_left, np.where(meeting, -1.0, ~is_left)]),
+            hands=follows,
             meeting=meeting,
-            offsets=starts[frames, i] - starts[frames, j],
+            offsets=unmoved[frames, i] - unmoved[frames, j],
             axes=(axes[frames, i], axes[frames, j]),
             radii=(radii[i], radii[j]),
             apart=between_hands,
@@ -353,19 +371,20 @@ class PosedCapsules:
         normals[frames[order], part[order]] = gaps.normals[order]
         return distance, normals
 
-    def penetration(self, firsts: Sequence[int] = (0,)) -> tuple[FloatArray, FloatArray]:
+    def penetration(self, firsts: Sequence[int] = (0,), fixed: int | None = None) -> tuple[FloatArray, FloatArray]:
         """Returns the depth (T, 2) of each hand in head, trunk, the other arm or its hand, clip units, and the exit
-        direction (T, 2, 3), both from ``near_pairs``. If a hand lies in nothing, its depth is some number not above 0,
-        and its exit direction is meaningless. ``firsts``: as there.
+        direction (T, 2, 3), both from ``near_pairs``. If a hand lies in nothing, or is ``fixed``, its depth is some
+        number not above 0, and its exit direction is meaningless. ``firsts``, ``fixed``: as there.
         """
-        return self.near_pairs(firsts=firsts).penetration()
+        return self.near_pairs(firsts=firsts, fixed=fixed).penetration()
 
 
 def _meeting_parts(
     body: BodyCapsules,
-) -> tuple[list[NDArray[np.intp]], NDArray[np.intp], int, NDArray[np.bool_], FloatArray]:
-    """Returns the capsules of both hands and both forearms; the (B,) obstacles, which they must not enter; how many of
-    these are not of the right hand; which of them (4, B) to test for each hand and forearm; and radii (C,).
+) -> tuple[list[Index], Index, Index, int, NDArray[np.bool_], FloatArray]:
+    """Returns the capsules of both hands and both forearms; these (4, M), each filled up by -1; the (B,) obstacles,
+    which they must not enter; how many of these are not of the right hand; which of them (4, B) to test for each hand
+    and forearm; and radii (C,).
     """
     groups, arms = body.groups, (body.groups.left_arm, body.groups.right_arm)
     movers = [groups.left, groups.right, *([n for n in arm if body.parts[n] == "cuff"] for arm in arms)]
@@ -376,7 +395,8 @@ def _meeting_parts(
     for side, arm in enumerate(arms):
         meet[side::2, np.isin(obstacles, arm)] = False
     meet[2:, ~np.isin(obstacles, arms[0] + arms[1])] = False
-    return [np.array(rows, np.intp) for rows in movers], obstacles, n_solid, meet, body.radii.max(axis=1)
+    filled = np.array([*zip_longest(*movers, fillvalue=-1)], np.intp).reshape(-1, 4).T
+    return [np.array(rows, np.intp) for rows in movers], filled, obstacles, n_solid, meet, body.radii.max(axis=1)
 
 
 def _ball(middles: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -446,23 +466,24 @@ class NearPairs:
         depth, exits = np.full((self.n_frames, 2), -np.inf), np.zeros((self.n_frames, 2, 3))
         if not len(self.frames):
             return depth, exits
-        offsets = self.offsets
-        moved = None if moves is None else _sum_weighted_rows(self.hands, moves[self.frames])
-        if moved is not None:
-            offsets = offsets + moved
+        offsets, apart = self.offsets, self.apart
+        if moves is not None:
+            left, right = moves[self.frames].swapaxes(0, 1)
+            moved = self.hands[:, :1] * left + self.hands[:, 1:] * right
+            offsets, apart = offsets + moved, apart + moved
         depths, directions = _penetration(offsets, *self.axes, *self.radii)
-        both = self.meeting
-        if both.any():
-            between_hands = self.apart[both] if moved is None else self.apart[both] + moved[both]
-            direction = directions[both] + _WHOLE_HAND_WEIGHT * between_hands / (
-                np.linalg.norm(between_hands, axis=-1, keepdims=True) + TINY
-            )
-            directions[both] = direction / (np.linalg.norm(direction, axis=-1, keepdims=True) + TINY)
-        deeper = np.argsort(depths, kind="stable")
-        for side in (0, 1):
-            hand_pairs = deeper[self.hands[deeper, side] != 0.0]  # the last pair of a frame, the deepest, stays
-            depth[self.frames[hand_pairs], side] = depths[hand_pairs]
-            exits[self.frames[hand_pairs], side] = directions[hand_pairs] * self.hands[hand_pairs, side, None]
+        rows, sides = np.nonzero(self.hands)
+        at, of_pairs = 2 * self.frames[rows] + sides, depths[rows]
+        np.maximum.at(depth.reshape(-1), at, of_pairs)
+        deepest = of_pairs == depth.reshape(-1)[at]
+        rows, sides, at = rows[deepest], sides[deepest], at[deepest]
+        between_hands, normals = apart[rows], directions[rows]
+        out = normals + _WHOLE_HAND_WEIGHT * between_hands / (
+            np.linalg.norm(between_hands, axis=-1, keepdims=True) + TINY
+        )
+        out /= np.linalg.norm(out, axis=-1, keepdims=True) + TINY
+        out = np.where(self.meeting[rows, None], out, normals)
+        exits.reshape(-1, 3)[at] = out * self.hands[rows, sides, None]  # of equal depths, the last
         return depth, exits
 
     def persistent_contact_distance(self) -> float:
@@ -477,11 +498,6 @@ class NearPairs:
             axes, radii = ([part[pair_rows] for part in parts] for parts in (self.axes, self.radii))
             depths.append(_penetration(self.offsets[pair_rows], *axes, *radii)[0])
         return float(-np.minimum(*depths).max(initial=-np.inf))
-
-
-def _sum_weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
-    """Returns sums (K, 3) of rows (K, S, 3), each times its weight (K, S)."""
-    return np.asarray((weights[:, :, None] * rows).sum(axis=1))
 
 
 def pose_capsules(skeleton: Skeleton, global_rotations: FloatArray, global_positions: FloatArray) -> PosedCapsules:

@@ -158,9 +158,9 @@ def _decompress_rotations(block: Buffer, n_frames: int, count: int, at: int) -> 
         raise InputError(f"its frames cannot be unpacked ({error})") from error
     if len(raw) != 2 * count:
         raise InputError("its frames are not as many as the index says")
-    split = np.frombuffer(raw, np.uint8).reshape(2, -1)
-    steps = np.ascontiguousarray(split.T).view("<i2").reshape(-1, n_frames)
-    return np.ascontiguousarray(np.cumsum(steps, axis=1, dtype=np.int16).T).reshape(-1), 4 + size
+    low, high = np.frombuffer(raw, np.uint8).reshape(2, -1)
+    steps = np.ascontiguousarray((low + (high.astype(np.int16) << 8)).reshape(-1, n_frames).T)
+    return np.cumsum(steps, axis=0, dtype=np.int16).reshape(-1), 4 + size
 
 
 def fingerprint(block: Buffer, skeleton_sha256: str, fps: float, n_frames: int) -> str:

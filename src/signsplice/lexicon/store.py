@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import mmap
 import re
 import sqlite3
@@ -22,7 +23,7 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
@@ -485,8 +486,9 @@ def _check_types(stored: Head | Entry | ClipLocation) -> None:
     """Raise ``TypeError`` if a field has a different type than declared: SQLite stores any type in any column."""
     for name, kind in _FIELD_TYPES[type(stored)].items():
         value = getattr(stored, name)
-        if name != "synonyms" and (type(value) is not kind or kind is float):  # synonyms are checked as JSON
-            check_type(value, kind, name)
+        is_plain = type(value) is kind or type(value) in get_args(kind)
+        if name != "synonyms" and not (is_plain and (kind is not float or math.isfinite(value))):
+            check_type(value, kind, name)  # synonyms are checked as JSON
 
 
 _FIELD_TYPES = {kind: get_type_hints(kind) for kind in (Head, Entry, ClipLocation)}

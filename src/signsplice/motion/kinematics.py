@@ -30,7 +30,7 @@ def forward(
     # Components first, frames last, all joints of one depth together: few operations on long rows. Each joint has a
     # 3 x 4 matrix of rotation and position: (3, 4, K, T); local, then made global depth by depth.
     matrices = np.empty((3, 4, len(path.order), len(clip.local_rotations)))
-    _write_matrices(clip.local_rotations[:, path.order], out=matrices[:, :3])
+    _write_matrices(clip.local_rotations.take(path.order, axis=1), out=matrices[:, :3])
     if clip.translations is None:
         matrices[:, 3] = skeleton.offsets[path.order].T[..., None]
     else:
@@ -44,7 +44,7 @@ def forward(
         child_matrices = np.einsum("abkt,bckt->ackt", parent_matrices[:, :3], matrices[:, :, rows])
         child_matrices[:, 3] += parent_matrices[:, 3]
         matrices[:, :, rows] = child_matrices
-    selected = matrices[:, :, path.wanted].transpose(3, 2, 0, 1)
+    selected = matrices.take(path.wanted, axis=2).transpose(3, 2, 0, 1)
     return selected[..., :3], selected[..., 3]
 
 

@@ -23,7 +23,7 @@ _NEXT = np.array([1, 2, 0])
 """Index of the axis after each axis, cyclically."""
 _LAST = np.array([2, 0, 1])
 """Index of the axis before each axis, cyclically."""
-_FEW = 600
+_FEW = 1600
 """Largest total size of both factors for which a product with few numpy calls is fastest."""
 _W_FIRST = np.array([[3], [0], [1], [2]])
 _FACTORS = np.array([[0, 1, 2, 3], [3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
@@ -47,8 +47,7 @@ def multiply(a: ArrayLike, b: ArrayLike) -> FloatArray:
     if a.size + b.size <= _FEW:
         terms = a.take(_W_FIRST, axis=-1) * (b.take(_FACTORS, axis=-1) * _SIGNS)
         return np.asarray(terms[..., 0, :] + terms[..., 1, :] + terms[..., 2, :] + terms[..., 3, :])
-    ax, ay, az, aw = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bx, by, bz, bw = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    (ax, ay, az, aw), (bx, by, bz, bw) = (np.ascontiguousarray(q.transpose(-1, *range(q.ndim - 1))) for q in (a, b))
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
     product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
@@ -133,8 +132,9 @@ def exp(rotvec: ArrayLike) -> FloatArray:
     """Unit quaternions (..., 4) of rotation vectors (..., 3), radians."""
     v = np.asarray(rotvec, np.float64)
     angle = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
-    # sin(a/2)/a; np.sinc(x) is sin(pi x)/(pi x) and is exact at 0.
-    scale = 0.5 * np.sinc(angle / (2.0 * np.pi))
+    half = np.pi * (angle / (2.0 * np.pi))
+    half = np.where(half, half, np.finfo(np.float64).eps)  # sin(a/2)/a is exact at 0 too
+    scale = 0.5 * (np.sin(half) / half)
     return np.concatenate([v * scale, np.cos(0.5 * angle)], axis=-1)
 
 
@@ -328,8 +328,15 @@ def matrix_to_6d(m: ArrayLike) -> FloatArray:
 
 
 def matrix_from_6d(r: ArrayLike) -> FloatArray:
-    """Rotation matrices (..., 3, 3) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14). Raises ``ValueError``
-    if degenerate.
+    """Rotation matrices (..., 3, 3) of 6D (..., 6), from ``orthonormal_6d``."""
+    columns = orthonormal_6d(r)
+    x, y = columns[..., :3], columns[..., 3:]
+    return np.stack([x, y, cross(x, y)], axis=-1)
+
+
+def orthonormal_6d(r: ArrayLike) -> FloatArray:
+    """First two columns of a rotation matrix (..., 6) from 6D (..., 6) by Gram-Schmidt (Zhou et al. 2019, eq. 14).
+    Raises ``ValueError`` if degenerate.
     """
     r = np.asarray(r, np.float64)
     a, b = r[..., :3], r[..., 3:]
@@ -339,5 +346,4 @@ def matrix_from_6d(r: ArrayLike) -> FloatArray:
     nb = np.linalg.norm(b, axis=-1, keepdims=True)
     if np.any(na < _TINY) or np.any(nb < _TINY):
         raise ValueError("6D rotation with a zero or parallel column has no rotation")
-    y = b / nb
-    return np.stack([x, y, cross(x, y)], axis=-1)
+    return np.concatenate([x, b / nb], axis=-1)

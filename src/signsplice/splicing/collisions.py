@@ -100,14 +100,14 @@ def avoid_all_collisions(
             continue
         metres, firsts = info.sizes.unit.metres, block.starts[:-1]
         posed = _pose(block.clip, fixed)
-        depth = _depths_of(posed.capsules.penetration(firsts.tolist())[0], fixed) * metres
+        depth = posed.capsules.penetration(firsts.tolist(), fixed)[0] * metres
         touches = np.logical_or.reduceat((depth > TOLERANCE_M).any(axis=1), firsts)
         for is_near, (k, frames) in zip(touches, block, strict=True):
             filled, before, after = transitions[k]
             if not is_near or _worst(depth[frames]) == 0.0:
                 results[k] = ClearedTransition(filled, 0.0, 0.0)
             else:
-                results[k] = _lead_around(filled, before, after, posed[frames], fixed, most_tries)
+                results[k] = _lead_around(filled, (before, after), posed[frames], depth[frames], fixed, most_tries)
     return results
 
 
@@ -115,9 +115,9 @@ def depths(filled: Clip, before: Clip, after: Clip, fixed: int | None = None) ->
     """Returns the depth (n,) of the deeper hand in the body in each frame of a transition, beyond that of both ends, m;
     0 if no hand is inside. ``fixed``: as in ``avoid_collisions``.
     """
-    depth, _ = _pose(_window(filled, before, after), fixed).capsules.penetration()
+    depth, _ = _pose(_window(filled, before, after), fixed).capsules.penetration(fixed=fixed)
     metres = rig_info(filled.skeleton).sizes.unit.metres
-    return _total_depth(_excess_depth(_depths_of(depth, fixed) * metres).max(axis=1))
+    return _total_depth(_excess_depth(depth * metres).max(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,15 +154,17 @@ def _pose(window: Clip, fixed: int | None = None) -> _PosedWindow:
     rotations, positions = kinematics.forward(window)
     capsules = collision.pose_capsules(window.skeleton, rotations, positions)
     if fixed is not None:
-        capsules = replace(capsules, body=_with_solid_arm(capsules.body, fixed))
+        capsules = replace(capsules, body=capsules.body.derived[_with_solid_arms][fixed])
     return _PosedWindow(window.skeleton, rotations, positions, capsules)
 
 
-def _with_solid_arm(body: BodyCapsules, side: int) -> BodyCapsules:
-    """Returns the same capsules, with the arm of one side counted as trunk."""
-    solid = [part in ("sleeve", "cuff") and of == SIDES[side] for part, of in zip(body.parts, body.sides, strict=True)]
-    parts = ("shirt" if is_solid else part for part, is_solid in zip(body.parts, solid, strict=True))
-    return replace(body, parts=tuple(parts))
+def _with_solid_arms(body: BodyCapsules) -> list[BodyCapsules]:
+    """Returns the same capsules twice, with the left and with the right arm counted as trunk."""
+    rows = [*zip(body.parts, body.sides, strict=True)]
+    return [
+        replace(body, parts=tuple("shirt" if part in ("sleeve", "cuff") and of == side else part for part, of in rows))
+        for side in SIDES
+    ]
 
 
 def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
@@ -192,25 +194,20 @@ def turn_elbow(filled: Clip, before: Clip, after: Clip, side: int) -> Clip:
     return arm_ik.move_wrists(filled, np.zeros((len(filled), 2, 3)), swivels)
 
 
-def _depths_of(depth: FloatArray, fixed: int | None) -> FloatArray:
-    """Returns depths (T, 2) in which the fixed hand has depth -inf."""
-    return depth if fixed is None else np.where(np.arange(2) == fixed, -np.inf, depth)
-
-
 def _lead_around(
-    filled: Clip, before: Clip, after: Clip, posed: _PosedWindow, fixed: int | None, most_tries: int
+    filled: Clip, edges: tuple[Clip, Clip], posed: _PosedWindow, depth: FloatArray, fixed: int | None, most_tries: int
 ) -> ClearedTransition:
-    """``avoid_collisions`` for a posed transition."""
+    """``avoid_collisions`` for a posed transition between ``edges``, whose hands have depths (n + 2, 2), m."""
     metres = rig_info(filled.skeleton).sizes.unit.metres
     best, first, least, hold_weight = filled, 0.0, np.inf, 0.0
     for n in range(most_tries + 1):
         if n > 0:
-            posed = _pose(_window(filled, before, after), fixed)
-        close_pairs = posed.capsules.near_pairs(_AVOIDANCE.listed_travel_m / metres)
+            posed = _pose(_window(filled, *edges), fixed)
+            depth = posed.capsules.penetration(fixed=fixed)[0] * metres
         start = np.zeros((len(posed.positions), 2, 3))
         if n == 0 and fixed is None:
-            start, hold_weight = _holding_moves(posed, close_pairs, metres)
-        worst = _worst(_depths_of(close_pairs.penetration()[0], fixed) * metres, hold_weight)
+            start, hold_weight = _holding_moves(posed, metres)
+        worst = _worst(depth, hold_weight)
         if n == 0:
             first = worst
         gained = least - worst
@@ -218,11 +215,11 @@ def _lead_around(
             best, least = filled, worst
         if worst == 0.0 or gained < _AVOIDANCE.least_gain * worst or n == most_tries:
             break
-        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, close_pairs, metres, start, fixed, hold_weight))
+        filled = arm_ik.move_wrists(filled, _avoiding_moves(posed, metres, start, fixed, hold_weight))
     return ClearedTransition(best, first, least)
 
 
-def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float) -> tuple[FloatArray, float]:
+def _holding_moves(posed: _PosedWindow, metres: float) -> tuple[FloatArray, float]:
     """Returns moves (n + 2, 2, 3) that keep hands together which touch the same way at both ends, and their weight,
     which is near 0 for other hands.
 
@@ -231,7 +228,8 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
     between those places: hands that part and meet again, or turn on one another, move freely.
     """
     groups, starts = posed.capsules.body.groups, posed.capsules.starts
-    distance = near.persistent_contact_distance() * metres
+    ends = posed.capsules[:: len(starts) - 1]
+    distance = ends.near_pairs(_AVOIDANCE.listed_travel_m / metres).persistent_contact_distance() * metres
     if not np.isfinite(distance):
         return np.zeros((len(starts), 2, 3)), 0.0
     offset = starts[:, groups.left].mean(axis=1) - starts[:, groups.right].mean(axis=1)
@@ -246,22 +244,22 @@ def _holding_moves(posed: _PosedWindow, near: collision.NearPairs, metres: float
 
 
 def _avoiding_moves(
-    posed: _PosedWindow, near: collision.NearPairs, metres: float, moves: FloatArray, fixed: int | None, held: float
+    posed: _PosedWindow, metres: float, moves: FloatArray, fixed: int | None, held: float
 ) -> FloatArray:
     """Returns moves (n, 2, 3) of the hands that lead the new frames around the body if the arms are long enough,
-    starting from ``moves`` (n + 2, 2, 3); ``near``: pairs of capsules within ``_AVOIDANCE.listed_travel_m``; ``fixed``:
-    side of a hand that does not move; ``held``: weight with which hands are held together.
+    starting from ``moves`` (n + 2, 2, 3); ``fixed``: side of a hand that does not move; ``held``: weight with which
+    hands are held together.
     """
     n_between, forward = len(posed.positions) - 2, posed.forward
     fade, kernel = curves.fade_window(n_between)[:, None, None], _kernel(n_between)
     moves, slack = moves.copy(), _AVOIDANCE.listed_travel_m / metres
+    listed = np.full_like(moves, np.inf)  # where hands were when pairs were listed
     for _ in range(_AVOIDANCE.most_rounds):
-        farthest = 2.0 * float(np.linalg.norm(moves, axis=-1).max())  # two hands may move apart
-        if farthest > slack:
-            slack = farthest + _AVOIDANCE.listed_travel_m / metres
-            near = posed.capsules.near_pairs(slack)
+        if np.linalg.norm(moves - listed, axis=-1).sum(axis=1).max() > slack:
+            listed = moves.copy()
+            near = posed.capsules.near_pairs(slack, moves=listed, fixed=fixed)
         depth, exits = near.penetration(moves)
-        excess = _excess_depth(_depths_of(depth, fixed) * metres, held) / metres
+        excess = _excess_depth(depth * metres, held) / metres
         if excess.max() <= 0.0:
             break
         push = _pushes(excess + 0.3 * TOLERANCE_M / metres, exits[1:-1], forward[1:-1])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip
+from signsplice.motion import Clip, at_frames, batch_clips
 from signsplice.rig.info import Arms, arms
 from signsplice.splicing.contracts import Cut, Duration
 
@@ -107,8 +107,9 @@ class TravelDuration(Duration):
 
     def seconds(self, before: Clip, after: Clip, cut: Cut) -> float:
         """Seconds that the new frames take."""
-        body = arms(before)
-        widths = travel_widths(body, arms(after), cut.pre, cut.post)
+        ends = [[at_frames(clip, slice(n, n + 1))] for clip, n in ((before, cut.pre), (after, cut.post))]
+        seen = [arms(block.clip) for block in batch_clips(ends)]  # two only of different skeletons
+        widths, body = travel_widths(seen[0], seen[-1], 0, -1), seen[0]
         mean_m_s = HUMAN.largest_speed_m_s / HUMAN.peak_over_mean
         least = widths * body.shoulder_width * body.metres / mean_m_s - 1.0 / before.fps
         people_s = HUMAN.still_transition_s + HUMAN.doubling_s * float(np.log2(1.0 + widths))

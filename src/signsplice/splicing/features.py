@@ -156,7 +156,7 @@ def sample_motion(motion: CanonicalMotion, frames: MomentFrames) -> CanonicalTra
         high = np.minimum(frames.low[frames.mixed] + 1, len(motion.quats) - 1)
         alpha = frames.alpha[frames.mixed, None, None]
         mixed = (1.0 - alpha) * rotations[frames.mixed] + alpha * rotation.to_6d(motion.quats[high])
-        rotations[frames.mixed] = rotation.matrix_to_6d(rotation.matrix_from_6d(mixed))
+        rotations[frames.mixed] = rotation.orthonormal_6d(mixed)
         positions[frames.mixed] = (1.0 - alpha) * positions[frames.mixed] + alpha * motion.positions[high]
     return CanonicalTrajectory(rotations, positions, motion.has_role)
 

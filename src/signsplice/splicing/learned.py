@@ -22,7 +22,7 @@ import scipy
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, JoinedClips, batch_clips
+from signsplice.motion import Clip, FloatArray, JoinedClips, batch_clips, copy_unchecked
 from signsplice.rig.info import FEATURE_FPS, CanonicalMotion, apply_deltas, canonical_motion, rig_info
 from signsplice.splicing import features
 from signsplice.splicing.bundle import Array, Sessions, read_config
@@ -140,9 +140,10 @@ def _n_raised(word: WordEnd, frames: range) -> int:
     """Counts the ``frames`` of a word, away from its stroke, before the last in which both hands are as high as in the
     first.
     """
-    heights = word.heights[np.array(frames) - word.first]  # (n, 2)
-    below = (heights[0] - heights).max(axis=1)
-    return int(np.flatnonzero(below <= np.where(np.arange(len(below)) == 1, NEXT_BELOW, BELOW))[-1])
+    heights = word.heights[np.arange(frames.start, frames.stop, frames.step) - word.first]  # (n, 2)
+    below, limits = (heights[0] - heights).max(axis=1), np.full(len(heights), BELOW)
+    limits[1:2] = NEXT_BELOW
+    return int(np.flatnonzero(below <= limits)[-1])
 
 
 SYSTEM = "signsplice"
@@ -461,7 +462,7 @@ class LearnedTransition(Transition):
         ]
         local = apply_deltas(block.clip.skeleton, local, np.concatenate(deltas), features.IS_ARM)
         parts = np.split(local, np.cumsum(lengths)[:-1])
-        return [replace(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
+        return [copy_unchecked(base, local_rotations=part) for base, part in zip(bases, parts, strict=True)]
 
     def _answers(self, seen: Sequence[features.GapFeatures]) -> FloatArray:
         """Returns the network's outputs (G, N_TERMS, A, 3). Each gap gets the numbers that it would get alone, bit for

@@ -274,7 +274,9 @@ def _follow(word: AlignedWord, paths: Mapping[str, ChannelPath], entry: int) -> 
             if (low := find_low_place(word.clip, side)) is not None:
                 sunk = PLAN.sinking_a_s * np.maximum(times - path.begin_s - path.seconds, 0.0)
                 raised = np.maximum(1.0 - sunk, PLAN.least_sunk)[:, None]  # (T, 1), from rest to the low place
-                place = rotation.slerp(place[:1], low[None, joints], raised)
+                moved = (low[joints] != place[0]).any(axis=-1)  # the fingers stay
+                place = np.repeat(place[:1], len(times), axis=0)
+                place[:, moved] = rotation.slerp(place[0, moved], low[joints][moved], raised)
             arm = {joints[0], *rig_info(word.clip.skeleton).arm_joints[3 * side : 3 * side + 3]}
             release = np.array([PLAN.release if joint in arm else PLAN.finger_release for joint in joints])
         released, relaxed = (
