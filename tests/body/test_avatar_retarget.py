@@ -144,12 +144,20 @@ def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pyt
     assert made.points[below, 0].min() > 0.045
     assert made.points[~below, 0].max() < 0.05
     turn = np.stack([np.eye(3), np.diag([1.0, -1.0, -1.0])])
-    points, normals = made.deform(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    rows, places = np.arange(len(made.points)), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rest, points = made.deform(
+        np.stack([np.tile(np.eye(3), (2, 1, 1)), turn]), np.stack([np.zeros((2, 3)), places]), rows
+    )
+    np.testing.assert_allclose(rest, made.points, atol=1e-12)
+    normals = made.turn_normals(turn, rows)
     blend = 10.0 * made.points[:, :1]
     np.testing.assert_allclose(points, (1.0 - blend) * made.points + blend * (made.points @ turn[1] + [0.0, 0.0, 1.0]))
     assert (normals[blend[:, 0] > 0.6] @ [0.0, 0.0, 1.0] < -0.99).all()
-    near, _ = made.deform(turn, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (np.array([0.0, 0.05, 0.0]), 0.02))
-    assert 0 < len(near) == (np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02).sum()
+    is_near = np.isin(made.patches.of_points, made.near(turn, places, np.array([0.0, 0.05, 0.0]), 0.02))
+    assert is_near[np.linalg.norm(points - [0.0, 0.05, 0.0], axis=1) < 0.02].all()
+    assert not is_near.all()
+    gaps = points[:, None] - points
+    np.testing.assert_allclose(skin_surface.squared_distances(points, points), (gaps**2).sum(axis=2), atol=1e-6)
     bound = skin_surface.SurfaceSettings(most_weights=len(points))
     monkeypatch.setattr(skin_surface, "_SURFACE", bound)
     assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"

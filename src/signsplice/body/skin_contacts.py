@@ -17,13 +17,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM
 from signsplice.body.collision import Near, SkinPairs
 from signsplice.body.fit import CONTACTS, Fit, solve_blocks
-from signsplice.body.skin_surface import HALF_THICKNESS_M, AvatarSkin, least_height
+from signsplice.body.skin_surface import (
+    HALF_THICKNESS_M,
+    AvatarSkin,
+    SkinSurface,
+    least_height,
+    squared_distances,
+)
 from signsplice.motion import Clip, FloatArray, kinematics
 
 
@@ -33,8 +38,14 @@ class SkinFitSettings:
 
     comparison_m: float = 0.045
     """Largest distance of points of two skins that are compared as hands move, m."""
-    hand_layer_m: float = 0.025
+    hand_layer_m: float = 0.02
     """Thickness of the layer of a hand, from its point nearest the other skin, whose points count, m."""
+    free_comparison_m: float = 0.035
+    """The same for a hand that touches nothing, m."""
+    meeting_m: float = 0.02
+    """Distance beyond such a layer up to which points of the other skin may become the nearest as hands move, m."""
+    run: int = 12
+    """Number of frames whose skins are posed together."""
     edge_spacings: float = 1.5
     """Largest distance of a hand's point from the normal through the nearest point of the other skin, in distances
     between the points of that skin; farther ones are beyond its edge.
@@ -87,11 +98,14 @@ class _Meeting:
 
 @dataclass(frozen=True, eq=False)
 class _Pose:
-    """One frame of a meeting: ``hand`` (H, 3) points, and ``points`` and ``normals`` (N, 3) of the other skin."""
+    """One frame of a meeting: ``hand`` (H, 3) points, ``points`` and ``normals`` (N, 3) of the other skin, and their
+    least ``distance``, m.
+    """
 
     hand: FloatArray
-    points: scipy.spatial.cKDTree
+    points: FloatArray
     normals: FloatArray
+    distance: float
 
 
 class SkinFit:
@@ -104,7 +118,8 @@ class SkinFit:
         self._fit, self.moves = fit, moves
         self._spacing = metres * skin.body.spacing, metres * skin.hands[1].spacing
         self._meetings = [meeting for side, what in _KINDS if len((meeting := _meeting(fit, side, what)).frames)]
-        self._poses = [_poses(meeting, skin, carried, metres, moves) for meeting in self._meetings]
+        posed = kinematics.forward(carried)
+        self._poses = [_poses(meeting, skin, posed, metres, moves) for meeting in self._meetings]
         extra = np.zeros_like(moves)
         for _ in range(_SETTINGS.rounds if self._meetings else 0):
             extra = self._round(extra)
@@ -151,10 +166,12 @@ class SkinFit:
         meeting = self._meetings[k]
         moved = extra[meeting.frames, meeting.side] - (extra[meeting.frames, 1] if meeting.what == _HANDS else 0.0)
         lowest, directions = np.full(len(moved), np.inf), np.zeros((len(moved), 3))
+        most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], HALF_THICKNESS_M[meeting.what]
+        reach = np.where(meeting.held > 0.0, np.inf, np.hypot(most_across, CONTACTS.clearance_m))  # no more has weight
+        reach += np.linalg.norm(moved, axis=1)
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):
-            if pose is None:
+            if pose is None or pose.distance > reach[n]:
                 continue
-            most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], HALF_THICKNESS_M[meeting.what]
             lowest[n], heights, normals = least_height(pose.hand + by, pose.points, pose.normals, most_across, thick)
             direction = np.exp((lowest[n] - heights) / _SETTINGS.lowest_fade_m) @ normals
             directions[n] = direction / (np.linalg.norm(direction) + 1e-12)
@@ -184,18 +201,69 @@ def _meeting(fit: Fit, side: int, what: int) -> _Meeting:
     return _Meeting(side, what, frames, wanted, hold * weight, weight, together)
 
 
-def _poses(meeting: _Meeting, skin: AvatarSkin, carried: Clip, metres: float, moves: FloatArray) -> list[_Pose | None]:
-    """Returns both skins in the frames of a meeting, m, with wrists moved by ``moves``; None if they are far apart."""
-    rotations, positions = (part[meeting.frames] for part in kinematics.forward(carried))
-    other_skin, poses = skin.hands[1] if meeting.what == _HANDS else skin.body, []
-    for n, frame in enumerate(meeting.frames.tolist()):
-        hand = metres * skin.hands[meeting.side].deform(rotations[n], positions[n])[0] + moves[frame, meeting.side]
-        by = moves[frame, 1] if meeting.what == _HANDS else np.zeros(3)
-        middle = hand.mean(axis=0)
-        radius = float(np.linalg.norm(hand - middle, axis=1).max()) + _SETTINGS.comparison_m
-        points, normals = other_skin.deform(rotations[n], positions[n], ((middle - by) / metres, radius / metres))
-        tree = scipy.spatial.cKDTree(metres * points + by, compact_nodes=False, balanced_tree=False)
-        distances = np.asarray(tree.query(hand, distance_upper_bound=_SETTINGS.comparison_m)[0])
-        hand = hand[distances < min(_SETTINGS.comparison_m, distances.min() + _SETTINGS.hand_layer_m)]
-        poses.append(_Pose(hand, tree, normals) if len(hand) else None)
+def _poses(
+    meeting: _Meeting, skin: AvatarSkin, posed: tuple[FloatArray, FloatArray], metres: float, moves: FloatArray
+) -> list[_Pose | None]:
+    """Returns both skins in the frames of a meeting, m, with wrists moved by ``moves``; None if they are far apart.
+    posed: global rotations and positions of the clip's joints.
+    """
+    skins, poses = (skin.hands[meeting.side], skin.hands[1] if meeting.what == _HANDS else skin.body), []
+    for start in range(0, len(meeting.frames), _SETTINGS.run):
+        part = slice(start, start + _SETTINGS.run)
+        frames = meeting.frames[part]
+        by = moves[frames, meeting.side] - (moves[frames, 1] if meeting.what == _HANDS else 0.0)
+        limits = np.where(meeting.held[part] > 0.0, _SETTINGS.comparison_m, _SETTINGS.free_comparison_m)
+        poses += _run_poses(skins, (posed[0][frames], posed[1][frames]), metres, by[:, None], limits)
+    return poses
+
+
+def _run_poses(
+    skins: tuple[SkinSurface, SkinSurface],
+    posed: tuple[FloatArray, FloatArray],
+    metres: float,
+    by: FloatArray,
+    limits: FloatArray,
+) -> list[_Pose | None]:
+    """Returns a hand moved by ``by`` (T, 1, 3) and another skin in T successive frames; None if they are farther apart
+    than ``limits`` (T,). Compares one point of each patch first, then the points of patches that may be near.
+    """
+    (hand_skin, other_skin), poses = skins, list[_Pose | None]([None] * len(limits))
+    (own, radii), (other, other_radii) = ((skin.patches, metres * skin.patches.radii) for skin in skins)
+    n, firsts = len(limits) // 2, metres * hand_skin.deform(*posed, own.firsts) + by
+    middle = firsts[n].mean(axis=0)
+    around = float(np.linalg.norm(firsts - middle, axis=2).max()) + radii.max() + _SETTINGS.comparison_m
+    near = other_skin.near(posed[0][n], posed[1][n], middle / metres, around / metres)
+    if not len(near):
+        return poses
+    firsts -= middle
+    others = metres * other_skin.deform(*posed, other.firsts[near]) - middle
+    gaps = np.sqrt(np.abs(squared_distances(firsts, others)))
+    most = np.minimum(gaps.min(axis=(1, 2)) + _SETTINGS.hand_layer_m, limits)
+    is_near = gaps - other_radii[near].astype(np.float32) < (most[:, None] + radii).astype(np.float32)[..., None]
+    is_own, is_other = is_near.any(axis=2), np.zeros((len(limits), len(other_radii)), bool)
+    is_other[:, near] = is_near.any(axis=1)
+    rows, other_rows = (
+        np.flatnonzero(np.logical_or.reduce(chosen)[patches.of_points])
+        for chosen, patches in ((is_own, own), (is_other, other))
+    )
+    hands = metres * hand_skin.deform(*posed, rows) + by - middle
+    others = metres * other_skin.deform(*posed, other_rows) - middle
+    of_hand, of_other = own.of_points[rows], other.of_points[other_rows]
+    from_firsts = np.linalg.norm(hands - firsts.take(of_hand, axis=1), axis=2)
+    for n in np.flatnonzero(is_own.any(axis=1)).tolist():
+        seen = np.flatnonzero(is_other[n][of_other])
+        squared = squared_distances(firsts[n], others[n].take(seen, axis=0))
+        distances = np.sqrt(np.abs(squared.min(axis=1, initial=np.inf)))
+        most = min(limits[n], float(distances.min()) + _SETTINGS.hand_layer_m)
+        is_low = distances[of_hand] - from_firsts[n] < most
+        above = squared[np.unique(of_hand[is_low])].min(axis=0, initial=np.inf)
+        seen = seen[above < (most + _SETTINGS.meeting_m) ** 2]
+        if not len(seen):
+            continue
+        hand, points = hands[n][is_low], others[n].take(seen, axis=0)
+        distances = np.sqrt(np.abs(squared_distances(hand, points).min(axis=1)))
+        distance = float(distances.min())
+        hand = hand[distances < min(limits[n], distance + _SETTINGS.hand_layer_m)]
+        if len(hand):
+            poses[n] = _Pose(hand, points, other_skin.turn_normals(posed[0][n], other_rows[seen]), distance)
     return poses

@@ -86,7 +86,7 @@ class SurfaceSettings:
     """Least cosine between the normals of two points that face the same way."""
     comparison_m: float = 0.03
     """Largest distance of points of two skins that are compared, m."""
-    patch_m: float = 0.04
+    patch_m: float = 0.03
     """Size of a patch of points that is tested as a whole, m."""
 
 
@@ -127,8 +127,9 @@ class Relief:
         for start in range(0, len(on_relief), _SURFACE.chunk):
             part = on_relief[start : start + _SURFACE.chunk]
             rest_points = points[part] + self.origins[rows[part]]
-            visible = self._visible(rows[part], rest_points)
-            heights[part] = visible * self._above(rest_points, directions[part])
+            share = self._visible(rows[part], rest_points)
+            seen = np.flatnonzero(share)
+            heights[part[seen]] = share[seen] * self._above(rest_points[seen], directions[part[seen]])
         return heights
 
     def _above(self, points: FloatArray, directions: FloatArray) -> FloatArray:
@@ -138,13 +139,15 @@ class Relief:
         )
         met = np.isfinite(distances)
         index = np.where(met, index, 0)
-        offsets = self.points[index] - points[:, None]
+        offsets = self.points.take(index, axis=0) - points[:, None]
         height = np.einsum("nkx,nx->nk", offsets, directions)
         ratio = np.maximum(np.einsum("nkx,nkx->nk", offsets, offsets) - height**2, 0.0) / _RELIEF.line_distance_m**2
-        faces = met & (np.einsum("nkx,nx->nk", self.normals[index], directions) > _SURFACE.facing_cosine)
-        weight = np.where(faces, np.maximum(1.0 - ratio, 0.0) ** 2, 0.0) * np.exp(height / _RELIEF.outermost_fade_m)
-        total = weight.sum(axis=1)
-        return np.asarray((weight * height).sum(axis=1) / np.where(total > 0.0, total, 1.0))
+        row, column = np.nonzero(met & (ratio < 1.0))
+        height = height[row, column]
+        faces = np.einsum("nx,nx->n", self.normals[index[row, column]], directions[row]) > _SURFACE.facing_cosine
+        weight = faces * (1.0 - ratio[row, column]) ** 2 * np.exp(height / _RELIEF.outermost_fade_m)
+        total, sums = (np.bincount(row, values, len(points)) for values in (weight, weight * height))
+        return np.asarray(sums / np.where(total > 0.0, total, 1.0))
 
     def _visible(self, rows: Index, points: FloatArray) -> FloatArray:
         """Returns the share (N,) of each place that is skin: 1 outside all other capsules, 0 within one."""
@@ -253,68 +256,62 @@ class SkinSurface:
     origins: FloatArray
     spacing: float
 
-    def deform(
-        self, rotations: FloatArray, positions: FloatArray, around: tuple[FloatArray, float] | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Returns points and normals in the world, from global rotations (J, 3, 3) and positions (J, 3) of one frame;
-        with ``around``, a place (3,) and a distance, only those within that distance.
+    def deform(self, rotations: FloatArray, positions: FloatArray, rows: Index) -> FloatArray:
+        """Returns points (T, R, 3) in the world, of some rows, from global rotations (T, J, 3, 3) and positions
+        (T, J, 3).
         """
-        turn, pivots = rotations[self.joints], positions[self.joints]
-        points, normals, weights = self.points, self.normals, self.weights
-        if around is not None:
-            places = np.einsum("kba,kb->ka", turn, around[0] - pivots) + self.origins  # as each joint sees it at rest
-            most, patches = around[1] + _SURFACE.blend_distance_m, self._patches
-            is_near = _distances(patches.middles, places[patches.main]) < most + patches.radii
-            near = np.flatnonzero(is_near[patches.of_points])
-            near = near[_distances(points[near], places[self._main[near]]) < most]
-            points, normals, weights = points[near], normals[near], weights[near]
-        move = pivots - np.einsum("kab,kb->ka", turn, self.origins)
-        blend = (weights @ turn.reshape(-1, 9)).reshape(-1, 3, 3)
-        normals = np.einsum("nab,nb->na", blend, normals)
-        points = np.einsum("nab,nb->na", blend, points) + weights @ move
-        if around is not None:
-            is_close = _distances(points, around[0]) < around[1]
-            points, normals = points[is_close], normals[is_close]
-        return points, normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12)
+        weights, points = self.weights.take(rows, axis=0), self.points.take(rows, axis=0)
+        used = np.flatnonzero(weights.any(axis=0))
+        weights, joints = weights[:, used], self.joints[used]
+        turns = rotations[:, joints]
+        moves = positions[:, joints] - np.einsum("tkab,kb->tka", turns, self.origins[used])
+        matrices = np.concatenate([turns, moves[..., None]], axis=-1).transpose(1, 3, 0, 2)  # (K, 4, T, 3)
+        shares = np.einsum("rk,rc->rkc", weights, np.column_stack([points, np.ones(len(points))]))
+        n_shares, n_values = 4 * len(used), 3 * len(turns)
+        moved = shares.reshape(len(rows), n_shares) @ matrices.reshape(n_shares, n_values)
+        return np.asarray(moved.reshape(len(rows), len(turns), 3).swapaxes(0, 1))
+
+    def turn_normals(self, rotations: FloatArray, rows: Index) -> FloatArray:
+        """Returns normals (R, 3) in the world, of some rows, from global rotations (J, 3, 3) of one frame."""
+        blend = (self.weights.take(rows, axis=0) @ rotations[self.joints].reshape(-1, 9)).reshape(-1, 3, 3)
+        normals = np.einsum("nab,nb->na", blend, self.normals[rows])
+        return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12))
+
+    def near(self, rotations: FloatArray, positions: FloatArray, place: FloatArray, distance: float) -> Index:
+        """Returns the patches (R,) with points that may lie within ``distance`` of a place (3,) in the world, from
+        global rotations (J, 3, 3) and positions (J, 3) of one frame.
+        """
+        patches = self.patches
+        seen = np.einsum("kba,kb->ka", rotations[self.joints], place - positions[self.joints]) + self.origins
+        offsets = seen[patches.main] - self.points[patches.firsts]  # as its main joint sees the place at rest
+        limit = distance + _SURFACE.blend_distance_m + patches.radii
+        return np.flatnonzero(np.einsum("px,px->p", offsets, offsets) < limit * limit)
 
     @cached_property
-    def _main(self) -> NDArray[np.intp]:
-        """The column (N,) of the joint with the largest weight in each point."""
-        return np.asarray(self.weights.argmax(axis=1))
-
-    @cached_property
-    def _patches(self) -> _Patches:
+    def patches(self) -> Patches:
         """The points in patches of some centimetres."""
-        cells = np.column_stack([self._main, np.floor(self.points / _SURFACE.patch_m).astype(np.int64)])
-        _, of_points, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-        of_points = of_points.reshape(-1)
-        middles, radii, main = np.zeros((len(counts), 3)), np.zeros(len(counts)), np.zeros(len(counts), np.intp)
-        np.add.at(middles, of_points, self.points)
-        middles /= counts[:, None]
-        np.maximum.at(radii, of_points, _distances(self.points, middles[of_points]))
-        main[of_points] = self._main
-        return _Patches(of_points, middles, radii * (1.0 + 1e-9), main)
+        main = self.weights.argmax(axis=1)
+        cells = np.column_stack([main, np.floor(self.points / _SURFACE.patch_m).astype(np.int64)])
+        _, firsts, of_points = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        of_points, radii = of_points.reshape(-1), np.zeros(len(firsts))
+        np.maximum.at(radii, of_points, np.linalg.norm(self.points - self.points[firsts[of_points]], axis=1))
+        return Patches(of_points, firsts, radii, main[firsts])
 
 
 @dataclass(frozen=True, eq=False)
-class _Patches:
+class Patches:
     """P patches of a surface of N points, each carried mainly by one joint; far ones are left out as a whole.
 
     of_points: (N,) the patch of each point.
-    middles, radii: (P, 3) and (P,) of balls about them in the rest pose, m.
+    firsts: (P,) the row of one point of each.
+    radii: (P,) of balls about these points in the rest pose, m.
     main: (P,) the column of the joint that carries each.
     """
 
-    of_points: NDArray[np.intp]
-    middles: FloatArray
+    of_points: Index
+    firsts: Index
     radii: FloatArray
-    main: NDArray[np.intp]
-
-
-def _distances(points: FloatArray, places: FloatArray) -> FloatArray:
-    """Returns the distances (N,) of points (N, 3) from places (N, 3), or from one (3,)."""
-    offsets = points - places
-    return np.asarray(np.sqrt(offsets[:, 0] ** 2 + offsets[:, 1] ** 2 + offsets[:, 2] ** 2))
+    main: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,18 +351,28 @@ def surface(
     return SkinSurface(places[outermost], normals[outermost], used.astype(np.intp), weights, rest[used], spacing)
 
 
-def least_height(
-    hand: FloatArray, tree: cKDTree, normals: FloatArray, most_across: float, half_thickness: float
-) -> tuple[float, FloatArray, FloatArray]:
-    """Returns the least height of a hand's points (H, 3) above a surface of N points, along the normal of the nearest
-    one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from the line
-    of that normal than ``most_across``, or deeper than ``half_thickness``, are beyond the surface's edge; all in m.
+def squared_distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Returns the squared distances (..., A, B) of points (..., A, 3) from points (..., B, 3), in single precision: all
+    near the origin, since differences of large numbers lose digits.
     """
-    distances, index = (np.asarray(values) for values in tree.query(hand, distance_upper_bound=_SURFACE.comparison_m))
-    met = np.flatnonzero(np.isfinite(distances))
-    outward = normals[index[met]]
-    height = np.einsum("nx,nx->n", hand[met] - tree.data[index[met]], outward)
-    over = (distances[met] ** 2 - height**2 < most_across**2) & (height > -half_thickness)
+    first, second = (np.ones((*points.shape[:-1], 5), np.float32) for points in (a, b))
+    first[..., :3], first[..., 3] = a, np.einsum("...x,...x->...", a, a)
+    second[..., :3], second[..., 4] = -2.0 * b, np.einsum("...x,...x->...", b, b)
+    return np.asarray(first @ second.swapaxes(-1, -2))
+
+
+def least_height(
+    hand: FloatArray, points: FloatArray, normals: FloatArray, most_across: float, half_thickness: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """Returns the least height of a hand's points (H, 3) above a surface's points and normals (N, 3), along the normal
+    of the nearest one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from
+    the line of that normal than ``most_across``, or deeper than ``half_thickness``, are beyond the surface's edge; all
+    in m, near the origin.
+    """
+    nearest = squared_distances(hand, points).argmin(axis=1)
+    outward, offsets = normals.take(nearest, axis=0), hand - points.take(nearest, axis=0)
+    height, squared = np.einsum("nx,nx->n", offsets, outward), np.einsum("nx,nx->n", offsets, offsets)
+    over = (squared < _SURFACE.comparison_m**2) & (squared - height**2 < most_across**2) & (height > -half_thickness)
     return float(height[over].min(initial=np.inf)), height[over], outward[over]
 
 

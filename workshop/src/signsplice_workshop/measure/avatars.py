@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.collision import near_pairs, pair_clearances, skin_pairs
@@ -202,4 +201,5 @@ def _lowest_height(
     points = np.einsum("sc,scx->sx", weights[near_points], triangles)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
-    return least_height(hand, cKDTree(points), normals, _MAX_LATERAL_M, half_thickness)[0]
+    middle = hand.mean(axis=0)
+    return least_height(hand - middle, points - middle, normals, _MAX_LATERAL_M, half_thickness)[0]
