@@ -247,7 +247,8 @@ def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
     after -= posed.heights(target_pairs, pairs)
     after = after if on_skin is None else on_skin.distances(source_pairs, pairs, after)
-    contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames)
+    guessed = fit.carried.body.guessed_regions
+    contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames, guessed)
     first = _OVERLAP if start else 0  # the window before holds earlier ones
     return [
         replace(contact, frames=(contact.frames[0] + start, contact.frames[1] + start))

@@ -17,8 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM, TRUNK_SIZES, BodyCapsules, BodyShape, build_capsules
+from signsplice.body.contacts import REGIONS
 from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
@@ -325,18 +327,55 @@ BODY = (*_TRUNK, *_HEAD, "neck")
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
 
 
-def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
-    """Returns the capsules of a skeleton with known arms, fitted to the vertices of its skin, and the parts with too
+_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.03, "hips": 0.015}
+_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in (("Arm", 0.01), ("Hand", 0.0035), ("Leg", 0.03))}
+"""Least area of the skin of a body part, squared statures: under half of the least on four avatars of as many makers;
+their eyes, teeth and mouths have up to 0.009.
+"""
+
+
+def fit_skin(
+    skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np.bool_]
+) -> tuple[BodyCapsules, tuple[str, ...]]:
+    """Returns the capsules of a skeleton with known arms, fitted to the V vertices of its skin, and the parts with too
     few vertices, which keep the usual proportions.
+
+    is_doubtful: (V,) vertices that count only on body parts without enough other skin.
     """
+    points, lacking = _skin_points(skeleton, points, is_doubtful)
     fitting = _Fitting(skeleton, points)
     fitting.hands()
     fitting.limbs()
     fitting.trunk()
     fitting.head()
-    return replace(fitting.body(), skin=_skin(skeleton, points)), tuple(
-        sorted(fitting.missed, key=lambda what: what not in _LIMBS)
-    )
+    skin = _skin(skeleton, points)
+    guessed = {*lacking, *(["trunk"] if "chest" in lacking else ()), *(["arm"] if "arms" in fitting.missed else ())}
+    if skin is None or guessed & {f"{side}Hand" for side in SIDES}:
+        guessed = {*REGIONS}
+    body = replace(fitting.body(), skin=skin, guessed_regions=frozenset(guessed & {*REGIONS}))
+    return body, tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
+
+
+def _skin_points(skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np.bool_]) -> tuple[SkinPoints, set[str]]:
+    """Returns vertices without doubtful ones on body parts that have enough other skin, and the parts that lack skin
+    even so, of ``_LEAST_AREAS``.
+    """
+    info, names = rig_info(skeleton), [*_LEAST_AREAS]
+    part_of = np.array([names.index(_part(info.roles.role_of.get(joint, "hips"))) for joint in range(len(skeleton))])
+    parts = part_of[points.joints[np.arange(len(points.joints)), points.weights.argmax(axis=1)]]
+    least = np.array([*_LEAST_AREAS.values()]) * info.sizes.stature**2
+    is_enough = points.where(~is_doubtful).areas(parts[~is_doubtful], len(names)) >= least
+    kept = ~(is_doubtful & is_enough[parts])
+    points = points.where(kept)
+    return points, {names[k] for k in np.flatnonzero(points.areas(parts[kept], len(names)) < least)}
+
+
+def _part(role: str) -> str:
+    """Returns the part of the body, of ``_LEAST_AREAS``, to which a role belongs."""
+    if role in _TRUNK or role in _HEAD:
+        return "head" if role in _HEAD else "hips" if role == "hips" else "chest"
+    kind = next((kind for kind in ("Arm", "Leg") if kind in role), "Leg" if role.endswith(("Foot", "Toes")) else "Hand")
+    return role if role == "neck" else ("left" if role.startswith("left") else "right") + kind
 
 
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:

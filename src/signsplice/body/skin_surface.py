@@ -161,12 +161,12 @@ class Relief:
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Vertices on skin or clothing, without hair, skirts and accessories.
+    """Vertices on skin or clothing.
 
     positions: (V, 3) in the rest pose, root at the origin, m.
     joints, weights: (V, 4) joints that carry each, and their weights.
     triangles: (F, 3) rows of such vertices.
-    is_cloth: (V,) whether each lies on clothing, by the name of the part.
+    is_cloth: (V,) whether each lies on clothing, by the name of its material.
     """
 
     positions: FloatArray
@@ -174,6 +174,17 @@ class SkinPoints:
     weights: FloatArray
     triangles: NDArray[np.int64]
     is_cloth: NDArray[np.bool_]
+
+    def where(self, kept: NDArray[np.bool_]) -> SkinPoints:
+        """Returns the vertices that ``kept`` (V,) tells, and the triangles between them."""
+        triangles = (np.cumsum(kept) - 1)[self.triangles[kept[self.triangles].all(axis=1)]]
+        return SkinPoints(self.positions[kept], self.joints[kept], self.weights[kept], triangles, self.is_cloth[kept])
+
+    def areas(self, parts: NDArray[np.intp], n_parts: int) -> FloatArray:
+        """Returns the area (P,) of each body part's triangles; ``parts``: (V,) the part of each vertex."""
+        edges = self.positions[self.triangles[:, 1:]] - self.positions[self.triangles[:, :1]]
+        area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        return np.bincount(parts[self.triangles[:, 0]], area, n_parts)
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
         """Returns positions (N, 3) of the vertices that these joints carry: of bare skin if the mesh has enough."""

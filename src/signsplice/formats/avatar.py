@@ -29,6 +29,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from signsplice.body.capsules import Avatar, AvatarFile
+from signsplice.body.contacts import REGIONS
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
 from signsplice.formats import join_suffixes
@@ -258,15 +259,17 @@ class AvatarReader(MeshReader):
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
         # Joints without a role stay at rest: their vertices follow the nearest ancestor with a role.
         rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
-        parts, points = self.read_meshes(rows, turn, origin, skin)
+        parts, points, is_doubtful = self.read_meshes(rows, turn, origin, skin)
         if self.n_unread_parts:
             n_parts = f"{self.n_unread_parts} mesh part{'s' * (self.n_unread_parts > 1)}"
             lacks = (*lacks, f"{avatar.label}: holds {n_parts} without indexed triangles, not read")
-        if points is None:
-            line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"
-            return replace(avatar, mesh=parts, warnings=(*lacks, line))
-        body, missed = fit_skin(avatar, points)
-        return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *_warnings(avatar.label, missed)))
+        body, missed = fit_skin(avatar, points, is_doubtful)
+        lines = _warnings(avatar.label, missed)
+        if body.guessed_regions.issuperset(REGIONS):
+            what = "too little skin on hands or body" if len(points.positions) else "no mesh that its bones carry"
+            line = f"{avatar.label}: holds {what}; its body gets the usual proportions, contacts are not measured"
+            lines = (line, *lines) if len(points.positions) else (line,)
+        return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *lines))
 
     def _whole(self, content: bytes) -> bytes:
         """Return the file as one .glb that names no other file; unchanged if it already is one. An image that is
