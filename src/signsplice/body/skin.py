@@ -327,8 +327,12 @@ BODY = (*_TRUNK, *_HEAD, "neck")
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
 
 
-_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.03, "hips": 0.015}
-_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in (("Arm", 0.01), ("Hand", 0.0035), ("Leg", 0.03))}
+_LIMB_AREAS = {
+    **{"Shoulder": 0.0005, "UpperArm": 0.008, "LowerArm": 0.008, "Hand": 0.0008, "Fingers": 0.0025},
+    **{"UpperLeg": 0.015, "LowerLeg": 0.015, "Foot": 0.01},
+}
+_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.025, "spine": 0.006, "hips": 0.015}
+_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in _LIMB_AREAS.items()}
 """Least area of the skin of a body part, squared statures: under half of the least on four avatars of as many makers;
 their eyes, teeth and mouths have up to 0.009.
 """
@@ -350,7 +354,7 @@ def fit_skin(
     fitting.head()
     skin = _skin(skeleton, points)
     guessed = {*lacking, *(["trunk"] if "chest" in lacking else ()), *(["arm"] if "arms" in fitting.missed else ())}
-    if skin is None or guessed & {f"{side}Hand" for side in SIDES}:
+    if skin is None or any(lacking >= {f"{side}Hand", f"{side}Fingers"} for side in SIDES):
         guessed = {*REGIONS}
     body = replace(fitting.body(), skin=skin, guessed_regions=frozenset(guessed & {*REGIONS}))
     return body, tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
@@ -372,10 +376,12 @@ def _skin_points(skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np
 
 def _part(role: str) -> str:
     """Returns the part of the body, of ``_LEAST_AREAS``, to which a role belongs."""
-    if role in _TRUNK or role in _HEAD:
-        return "head" if role in _HEAD else "hips" if role == "hips" else "chest"
-    kind = next((kind for kind in ("Arm", "Leg") if kind in role), "Leg" if role.endswith(("Foot", "Toes")) else "Hand")
-    return role if role == "neck" else ("left" if role.startswith("left") else "right") + kind
+    if role in _LEAST_AREAS:
+        return role
+    if role in (*_HEAD, *_TRUNK):
+        return "head" if role in _HEAD else "chest"
+    side = "left" if role.startswith("left") else "right"
+    return side + ("Foot" if role.endswith("Toes") else "Fingers")
 
 
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:

@@ -265,10 +265,11 @@ class AvatarReader(MeshReader):
             lacks = (*lacks, f"{avatar.label}: holds {n_parts} without indexed triangles, not read")
         body, missed = fit_skin(avatar, points, is_doubtful)
         lines = _warnings(avatar.label, missed)
+        if not len(points.positions):
+            lines = (f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions",)
         if body.guessed_regions.issuperset(REGIONS):
-            what = "too little skin on hands or body" if len(points.positions) else "no mesh that its bones carry"
-            line = f"{avatar.label}: holds {what}; its body gets the usual proportions, contacts are not measured"
-            lines = (line, *lines) if len(points.positions) else (line,)
+            line = next(iter(lines), f"{avatar.label}: has too little skin on body or hands")
+            lines = (f"{line}; contacts on it are not measured",)
         return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *lines))
 
     def _whole(self, content: bytes) -> bytes:
