@@ -35,14 +35,11 @@ _PART_BYTES = 4000
 """Bytes of memory counted for a mesh part."""
 _JOINT_BYTES = 400
 """Bytes of memory counted for a joint of a glTF skin."""
-_LOOSE = {"hair", "ponytail", "skirt", "cape", "tail", "wing", "ribbon", "hat", "glasses", "outline"}
+_LOOSE = {"hair", "skirt", "glasses", "hat", "cape", "tail", "wing", "outline"}
 """Words in names of materials that are doubtful skin, and of joints without a role that carry none."""
-_CLOTH = {
-    *("cloth", "clothes", "clothing", "outfit", "top", "tops", "bottom", "bottoms", "shirt", "dress", "sleeve"),
-    *("jacket", "coat", "suit", "pants", "shoes"),
-}
+_CLOTH = {"cloth", "clothes", "clothing", "outfit", "tops", "shirt", "dress", "coat", "jacket", "sleeve"}
 """Words in names of materials that cover skin."""
-_SKIN_JOINTS = {"bust", "breast", "breasts", "butt", "belly"}
+_SKIN_JOINTS = {"bust", "breast", "breasts"}
 """Words in names of joints without a role that carry skin even if a spring moves them."""
 _LOOSE_JAPANESE = ("髪", "スカート")
 """Japanese words with the meaning of ``_LOOSE``."""
