@@ -172,6 +172,23 @@ def test_a_doubtful_material_over_other_skin_is_none(tmp_path: Path, broad: Avat
     assert_same_skin(plain, avatars.write(tmp_path / "over.vrm", broad, [*parts, *over]))
 
 
+def test_of_joints_that_hang_apart_those_of_a_person_are_read(tmp_path: Path, broad: Avatar) -> None:
+    """Targets of inverse kinematics without a parent, as Blender's exporter writes them."""
+    path = avatars.write(tmp_path / "a.glb", broad, avatars.tubes(broad), "", hair=False)
+    plain = ss.read_avatar(path)
+
+    def add_targets(document: dict[str, Any]) -> None:
+        for name in ("IK_hand.L", "IK_hand.R"):
+            document["scenes"][0]["nodes"].append(len(document["nodes"]))
+            document["skins"][0]["joints"].append(len(document["nodes"]))
+            document["nodes"].append({"name": name})
+        document["skins"][0].pop("inverseBindMatrices")
+
+    beside = ss.read_avatar(avatars.edited(path, add_targets))
+    assert (beside.names, beside.roles) == (plain.names, plain.roles)
+    np.testing.assert_array_equal(beside.offsets, plain.offsets)
+
+
 def assert_same_skin(plain: Path, other: Path) -> None:
     """The two files hold the same skin, and the same contacts with it are measured."""
     clip = ss.open_lexicon().clip("NAME")

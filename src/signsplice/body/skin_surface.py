@@ -184,7 +184,7 @@ class SkinPoints:
         """Returns the area (P,) of each body part's triangles; ``parts``: (V,) the part of each vertex."""
         edges = self.positions[self.triangles[:, 1:]] - self.positions[self.triangles[:, :1]]
         area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-        return np.bincount(parts[self.triangles[:, 0]], area, n_parts)
+        return np.asarray(np.bincount(parts[self.triangles[:, 0]], area, n_parts), np.float64)
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
         """Returns positions (N, 3) of the vertices that these joints carry: of bare skin if the mesh has enough."""

@@ -20,7 +20,7 @@ from __future__ import annotations
 import copy
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, f
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 from signsplice.motion.face import bone_quats, target_weights
 from signsplice.rig.align import place, placement
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import RigInfo, rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
 _SAME = 1e-12
@@ -332,19 +332,44 @@ class AvatarReader(MeshReader):
             raise self._error("is no avatar: it holds neither a VRM humanoid nor a mesh with a skin")
         if humanoid and not given:
             return humanoid
+        # Of joints that hang apart, such as targets of inverse kinematics, those with most roles are the person's.
+        trees = self._joint_trees(joints)
+        names = [{self.nodes[node].get("name") for node in tree} for tree in trees]
+        holding = [tree for tree, known in zip(trees, names, strict=True) if known.issuperset(given.values())]
+        found = [self._recognised(tree, humanoid, given) for tree in holding or trees[-1:]]
+        order, info = max(found, key=lambda tree: len(tree[1].roles.joints))
+        _ = info.arm_joints  # raises if there are no arms
+        return {role: order[joint] for role, joint in info.roles.joints.items()}
+
+    def _joint_trees(self, joints: Set[int]) -> list[set[int]]:
+        """Return the joints below each one that has no joint above, and, if they are several such trees with a common
+        ancestor, all joints.
+        """
+        tops: dict[int, int] = {}
+        trees: dict[int, set[int]] = {}
+        for node in self.order:
+            above = self.parents.get(node, -1)
+            if above in tops or node in joints:
+                tops[node] = tops.get(above, node)
+            if node in joints:
+                trees.setdefault(tops[node], set()).add(node)
+        has_ancestor = len(trees) > 1 and len(joints) in self._count_below(joints)
+        return [*trees.values(), *([{*joints}] if has_ancestor else [])]
+
+    def _recognised(
+        self, joints: Set[int], humanoid: Mapping[str, int], given: Mapping[str, str]
+    ) -> tuple[list[int], RigInfo]:
+        """Return the nodes of joints and those between them, parents first, and the roles that names tell."""
         order = self._joint_order(joints)
         rows, parents, names = self._tree(order)
         positions = np.array([self.world(node)[:3, 3] for node in order])
         skeleton = Skeleton(
             tuple(names), parents, np.where((parents >= 0)[:, None], positions - positions[parents], 0.0)
         )
-        known = {role: names[rows[node]] for role, node in humanoid.items()}
+        known = {role: names[rows[node]] for role, node in humanoid.items() if node in rows}
         if set(given.values()) & {*names} or not (humanoid or rig_info(skeleton).roles.rig != "unknown"):
             known = {role: name for role, name in known.items() if name not in given.values()} | dict(given)
-        info = rig_info(replace(skeleton, roles=known or None))
-        _ = info.arm_joints  # raises if there are no arms
-        joints_of_roles = info.roles.joints
-        return {role: order[joint] for role, joint in joints_of_roles.items()}
+        return order, rig_info(replace(skeleton, roles=known or None))
 
 
 def _lacking_fingers(label: str, roles: Mapping[str, str]) -> tuple[str, ...]:
