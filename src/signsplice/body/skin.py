@@ -21,7 +21,18 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM, TRUNK_SIZES, BodyCapsules, BodyShape, build_capsules
 from signsplice.body.contacts import REGIONS
-from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
+from signsplice.body.skin_surface import (
+    HEAD,
+    MIN_POINTS,
+    TRUNK,
+    AvatarSkin,
+    Relief,
+    SkinPoints,
+    quantile,
+    surface,
+    window,
+    without_doubtful,
+)
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
@@ -320,22 +331,11 @@ def _surface(front: FloatArray, at: FloatArray, cell: float, otherwise: float) -
     return float(close[:, 2].max()) if len(close) else otherwise
 
 
-_TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
-_HEAD = ("head", "jaw", "leftEye", "rightEye")
-BODY = (*_TRUNK, *_HEAD, "neck")
+BODY = (*TRUNK, *HEAD, "neck")
 """Roles of the joints whose skin hands touch."""
+_REGION_PARTS = {"head": ("head",), "neck": ("neck",), "trunk": ("chest", "spine")}
+"""Region that hands touch -> parts of the body, of which one needs skin."""
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
-
-
-_LIMB_AREAS = {
-    **{"Shoulder": 0.0005, "UpperArm": 0.008, "LowerArm": 0.008, "Hand": 0.0008, "Fingers": 0.0025},
-    **{"UpperLeg": 0.015, "LowerLeg": 0.015, "Foot": 0.01},
-}
-_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.025, "spine": 0.006, "hips": 0.015}
-_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in _LIMB_AREAS.items()}
-"""Least area of the skin of a body part, squared statures: under half of the least on four avatars of as many makers;
-their eyes, teeth and mouths have up to 0.009.
-"""
 
 
 def fit_skin(
@@ -346,42 +346,20 @@ def fit_skin(
 
     is_doubtful: (V,) vertices that count only on body parts without enough other skin.
     """
-    points, lacking = _skin_points(skeleton, points, is_doubtful)
+    info = rig_info(skeleton)
+    points, known = without_doubtful(points, is_doubtful, info.roles.role_of, info.sizes.stature)
     fitting = _Fitting(skeleton, points)
     fitting.hands()
     fitting.limbs()
     fitting.trunk()
     fitting.head()
-    skin = _skin(skeleton, points)
-    guessed = {*lacking, *(["trunk"] if "chest" in lacking else ()), *(["arm"] if "arms" in fitting.missed else ())}
-    if skin is None or any(lacking >= {f"{side}Hand", f"{side}Fingers"} for side in SIDES):
+    skin, missed = _skin(skeleton, points), fitting.missed
+    guessed = {region for region, parts in _REGION_PARTS.items() if known.isdisjoint(parts)}
+    guessed |= {"arm"} if "arms" in missed else set()
+    if skin is None or any(known.isdisjoint((f"{side}Hand", f"{side}Fingers")) for side in SIDES):
         guessed = {*REGIONS}
-    body = replace(fitting.body(), skin=skin, guessed_regions=frozenset(guessed & {*REGIONS}))
-    return body, tuple(sorted(fitting.missed, key=lambda what: what not in _LIMBS))
-
-
-def _skin_points(skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np.bool_]) -> tuple[SkinPoints, set[str]]:
-    """Returns vertices without doubtful ones on body parts that have enough other skin, and the parts that lack skin
-    even so, of ``_LEAST_AREAS``.
-    """
-    info, names = rig_info(skeleton), [*_LEAST_AREAS]
-    part_of = np.array([names.index(_part(info.roles.role_of.get(joint, "hips"))) for joint in range(len(skeleton))])
-    parts = part_of[points.joints[np.arange(len(points.joints)), points.weights.argmax(axis=1)]]
-    least = np.array([*_LEAST_AREAS.values()]) * info.sizes.stature**2
-    is_enough = points.where(~is_doubtful).areas(parts[~is_doubtful], len(names)) >= least
-    kept = ~(is_doubtful & is_enough[parts])
-    points = points.where(kept)
-    return points, {names[k] for k in np.flatnonzero(points.areas(parts[kept], len(names)) < least)}
-
-
-def _part(role: str) -> str:
-    """Returns the part of the body, of ``_LEAST_AREAS``, to which a role belongs."""
-    if role in _LEAST_AREAS:
-        return role
-    if role in (*_HEAD, *_TRUNK):
-        return "head" if role in _HEAD else "chest"
-    side = "left" if role.startswith("left") else "right"
-    return side + ("Foot" if role.endswith("Toes") else "Fingers")
+    body = replace(fitting.body(), skin=skin, guessed_regions=frozenset(guessed))
+    return body, tuple(sorted(missed, key=lambda what: what not in _LIMBS))
 
 
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
@@ -389,11 +367,8 @@ def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     info, rest = rig_info(skeleton), rest_positions(skeleton)
     roles, spacing = info.roles.joints, _MEASURES.point_spacing * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
-    hands = [
-        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, spacing, bare=True)
-        for side in SIDES
-        if f"{side}Hand" in roles
-    ]
+    wrists = [roles[f"{side}Hand"] for side in SIDES if f"{side}Hand" in roles]
+    hands = [surface(points, subtree(skeleton, wrist), rest, spacing, bare=True) for wrist in wrists]
     left, right = (*hands, None, None)[:2]
     return None if body is None or left is None or right is None else AvatarSkin(body, (left, right), points)
 
@@ -575,7 +550,7 @@ class _Fitting:
         """Fit chest and belly as three columns each, hips, back and collar."""
         low = self.rest[self.roles.get("hips", 0)][1] - (TRUNK_SIZES.hem_drop + _MEASURES.hem_margin) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
-        trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
+        trunk = [self.roles[role] for role in TRUNK if role in self.roles]
         points = np.concatenate([self._surface(trunk), (p := self._surface(legs))[p[:, 1] > low]])
         if len(points) < MIN_POINTS:
             self.missed.append("trunk")
@@ -606,7 +581,7 @@ class _Fitting:
         if not rows:
             return
         joint = self.rest[self.roles["head"]]
-        points = self._surface([self.roles[role] for role in _HEAD if role in self.roles]) - joint
+        points = self._surface([self.roles[role] for role in HEAD if role in self.roles]) - joint
         starts, ends, radii = self.starts[rows] - joint, self.ends[rows] - joint, self.radii[rows]
         if fit_head(starts, ends, radii, points, self.height):
             self.starts[rows], self.ends[rows], self.radii[rows] = starts + joint, ends + joint, radii

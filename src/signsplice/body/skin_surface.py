@@ -11,7 +11,7 @@ so that the outermost decides. Places in another capsule are not skin: their hei
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import FloatArray
+from signsplice.rig.roles import SIDES
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -227,6 +228,45 @@ class SkinPoints:
             shares.append(np.tile(np.stack([1.0 - u - v, u, v], axis=1), (int(mask.sum()), 1)))
             normals.append(np.repeat(cross[mask], len(u), axis=0))
         return np.concatenate(vertices), np.concatenate(shares), np.concatenate(normals)
+
+
+TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
+HEAD = ("head", "jaw", "leftEye", "rightEye")
+_LIMB_AREAS = {
+    **{"Shoulder": 0.0005, "UpperArm": 0.008, "LowerArm": 0.008, "Hand": 0.0008, "Fingers": 0.0025},
+    **{"UpperLeg": 0.015, "LowerLeg": 0.015, "Foot": 0.01},
+}
+_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.025, "spine": 0.006, "hips": 0.015}
+_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in _LIMB_AREAS.items()}
+"""Least area of the skin of a body part, squared statures: under half of the least on four avatars of as many makers;
+their eyes, teeth and mouths have up to 0.009.
+"""
+
+
+def without_doubtful(
+    points: SkinPoints, is_doubtful: NDArray[np.bool_], role_of: Mapping[int, str], stature: float
+) -> tuple[SkinPoints, set[str]]:
+    """Returns points without doubtful ones (V,) on body parts that have enough other skin, and the parts, of
+    ``_LEAST_AREAS``, that then have enough; ``role_of``: joint -> its role.
+    """
+    names = [*_LEAST_AREAS]
+    part_of = np.array([names.index(_part(role_of.get(k, "hips"))) for k in range(points.joints.max(initial=0) + 1)])
+    parts = part_of[points.joints[np.arange(len(points.joints)), points.weights.argmax(axis=1)]]
+    least = np.array([*_LEAST_AREAS.values()]) * stature**2
+    is_enough = points.where(~is_doubtful).areas(parts[~is_doubtful], len(names)) >= least
+    kept = ~(is_doubtful & is_enough[parts])
+    points = points.where(kept)
+    return points, {names[k] for k in np.flatnonzero(points.areas(parts[kept], len(names)) >= least)}
+
+
+def _part(role: str) -> str:
+    """Returns the part of the body, of ``_LEAST_AREAS``, to which a role belongs."""
+    if role in _LEAST_AREAS:
+        return role
+    if role in (*HEAD, *TRUNK):
+        return "head" if role in HEAD else "chest"
+    side = "left" if role.startswith("left") else "right"
+    return side + ("Foot" if role.endswith("Toes") else "Fingers")
 
 
 def quantile(values: FloatArray, fraction: float) -> float:

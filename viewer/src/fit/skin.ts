@@ -7,14 +7,15 @@ import { type Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, restPositions, SIDES } from './body.js';
 import { type UsualCapsule, statureOf } from './capsules.js';
-import { capsules as HANDS, skin as SKIN } from './constants.js';
+import { capsules as HANDS, skin as SKIN, skin_surface as POINTS } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
 import { Relief } from './relief.js';
 import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
-const { TRUNK, HEAD, BODY, LEAST_AREAS, MEASURES, TRUNK_SIZES } = SKIN;
+const { TRUNK, HEAD, BODY, MEASURES, TRUNK_SIZES } = SKIN;
+const { LEAST_AREAS } = POINTS;
 const FINGER = new RegExp(`(${HANDS.FINGERS.join('|')})(${HANDS.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
