@@ -342,9 +342,8 @@ def fit_skin(
     skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np.bool_]
 ) -> tuple[BodyCapsules, tuple[str, ...]]:
     """Returns the capsules of a skeleton with known arms, fitted to the V vertices of its skin, and the parts with too
-    few vertices, which keep the usual proportions.
-
-    is_doubtful: (V,) vertices that count only on body parts without enough other skin.
+    few vertices, which keep the usual proportions. Vertices of ``is_doubtful`` (V,) count only on body parts without
+    enough other skin.
     """
     info = rig_info(skeleton)
     points, known = without_doubtful(points, is_doubtful, info.roles.role_of, info.sizes.stature)
