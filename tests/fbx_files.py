@@ -386,7 +386,7 @@ def character(avatar: Avatar, parts: Sequence[MeshPart], others: Sequence[Node] 
     vertices = 100.0 * np.concatenate([part.vertices for part in parts])
     corners = np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=False)])
     corners[:, 2] = ~corners[:, 2]
-    arrays = {"at": vertices.ravel(), "corners": corners.ravel().astype(np.int32)}
+    arrays: dict[str, np.ndarray] = {"at": vertices.ravel(), "corners": corners.ravel().astype(np.int32)}
     objects = ['\tGeometry: 9000, "Geometry::Body", "Mesh" {', '\t\tVertices: "at"',
                '\t\tPolygonVertexIndex: "corners"', "\t}",
                '\tDeformer: 9001, "Deformer::Skin", "Skin" {', "\t}"]  # fmt: skip

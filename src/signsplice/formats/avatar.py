@@ -177,6 +177,7 @@ _IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2
 """Suffix -> media type."""
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
+_MOST_TREES = 4
 
 
 def read_avatar(
@@ -334,7 +335,7 @@ class AvatarReader(MeshReader):
             return humanoid
         # Of joints that hang apart, such as targets of inverse kinematics, those with most roles are the person's.
         trees = self._joint_trees(joints)
-        names = [{self.nodes[node].get("name") for node in tree} for tree in trees]
+        names = [{str(self.nodes[node].get("name")) for node in tree} for tree in trees]
         holding = [tree for tree, known in zip(trees, names, strict=True) if known.issuperset(given.values())]
         found = [self._recognised(tree, humanoid, given) for tree in holding or trees[-1:]]
         order, info = max(found, key=lambda tree: len(tree[1].roles.joints))
@@ -342,9 +343,10 @@ class AvatarReader(MeshReader):
         return {role: order[joint] for role, joint in info.roles.joints.items()}
 
     def _joint_trees(self, joints: Set[int]) -> list[set[int]]:
-        """Return the joints below each one that has no joint above, and, if they are several such trees with a common
-        ancestor, all joints.
+        """Return the joints below each one that has no joint above, the largest ``_MOST_TREES`` of such trees, and, if
+        they are several with a common ancestor, all joints.
         """
+        check_most(len(joints), "joints", self.limits.joints, self.file)
         tops: dict[int, int] = {}
         trees: dict[int, set[int]] = {}
         for node in self.order:
@@ -354,7 +356,7 @@ class AvatarReader(MeshReader):
             if node in joints:
                 trees.setdefault(tops[node], set()).add(node)
         has_ancestor = len(trees) > 1 and len(joints) in self._count_below(joints)
-        return [*trees.values(), *([{*joints}] if has_ancestor else [])]
+        return [*sorted(trees.values(), key=len)[: -_MOST_TREES - 1 : -1], *([{*joints}] if has_ancestor else [])]
 
     def _recognised(
         self, joints: Set[int], humanoid: Mapping[str, int], given: Mapping[str, str]
