@@ -402,7 +402,7 @@ def character(avatar: Avatar, parts: Sequence[MeshPart], others: Sequence[Node] 
             weights[own == joint] += weight
         bind = np.eye(4)
         bind[3, :3] = rest[joint]
-        own_arrays = {"Indexes": index.astype(np.int32), "Weights": weights[index],
+        own_arrays: dict[str, np.ndarray] = {"Indexes": index.astype(np.int32), "Weights": weights[index],
                       "Transform": np.linalg.inv(bind).ravel(), "TransformLink": bind.ravel()}  # fmt: skip
         objects.append(f'\tDeformer: {9100 + joint}, "SubDeformer::", "Cluster" {{')
         objects += [f'\t\t{name}: "{name}{joint}"' for name in own_arrays] + ["\t}"]
