@@ -39,7 +39,7 @@ def main(folder: Path, file: Path | None) -> None:
     # elbows are moved until each hand is where it was, seen from the parts of the body near it.
     done = ss.retarget(mother, avatar)
     for one in done.contacts:
-        kept = "kept" if one.is_kept else "lost"
+        kept = "not measured" if one.is_kept is None else "kept" if one.is_kept else "lost"
         print(f"{one.hand} hand on {one.region}: {one.before_mm} mm apart before, {one.after_mm} mm after: {kept}")
     for line in done.warnings:
         print(f"warning: {line}")

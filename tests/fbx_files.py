@@ -5,14 +5,16 @@ matrices.
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from signsplice.body.capsules import Avatar, MeshPart
 from signsplice.formats.fbx_records import MAGIC, Record, read_records
-from signsplice.motion import FloatArray
+from signsplice.motion import FloatArray, kinematics
 
 TICKS = 46186158000
 ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX")
@@ -336,17 +338,17 @@ ARRAYS = {"KeyTime": "l", "KeyValueFloat": "f", "KeyAttrFlags": "i", "KeyAttrDat
 """Record of a list of numbers -> type; I: bits, which are written as numbers of 32 bits."""
 
 
-def as_binary(text: bytes, version: int = 7400) -> bytes:
-    """The same file of version 7 in the binary form."""
+def as_binary(text: bytes, version: int = 7400, arrays: Mapping[str, np.ndarray] | None = None) -> bytes:
+    """The same file of version 7 in the binary form; texts that are names of ``arrays`` become these, packed."""
     wide = version >= 7500
     at = len(MAGIC) + 4
     body = b""
     for record in read_records(text, "text.fbx")[0].children:
-        body += _binary(record, at + len(body), wide)
+        body += _binary(record, at + len(body), wide, arrays or {})
     return MAGIC + struct.pack("<I", version) + body + bytes(25 if wide else 13)
 
 
-def _binary(record: Record, at: int, wide: bool) -> bytes:
+def _binary(record: Record, at: int, wide: bool, arrays: Mapping[str, np.ndarray]) -> bytes:
     if record.name in ARRAYS:
         kind, numbers = ARRAYS[record.name], next(child.values for child in record.children)
         size = 8 if kind == "l" else 4
@@ -354,16 +356,71 @@ def _binary(record: Record, at: int, wide: bool) -> bytes:
         cells = struct.pack(f"<{len(raw)}{kind.replace('l', 'q')}", *raw)
         values, n_values, children = code + struct.pack("<III", len(raw), 0, size * len(raw)) + cells, 1, list[Record]()
     else:
-        values, n_values, children = b"".join(map(_scalar, record.values)), len(record.values), record.children
+        cells = b"".join(_packed(arrays[value]) if value in arrays else _scalar(value) for value in record.values)
+        values, n_values, children = cells, len(record.values), record.children
     head = "<QQQB" if wide else "<IIIB"
     start = at + struct.calcsize(head) + len(record.name) + len(values)
     below = b""
     for child in children:
-        below += _binary(child, start + len(below), wide)
+        below += _binary(child, start + len(below), wide, arrays)
     below += bytes(struct.calcsize(head)) if children else b""
     return struct.pack(head, start + len(below), n_values, len(values), len(record.name)) + (
         record.name.encode() + values + below
     )
+
+
+def _packed(values: np.ndarray) -> bytes:
+    packed = zlib.compress(values.tobytes())
+    return {"f": b"d", "i": b"i"}[values.dtype.kind] + struct.pack("<III", values.size, 1, len(packed)) + packed
+
+
+def character(avatar: Avatar, parts: Sequence[MeshPart], others: Sequence[Node] = (), n_shapes: int = 0) -> bytes:
+    """A binary file with an avatar in one mesh of parts, four weights a vertex, and blend shapes of its first 20,000
+    vertices. others: further models.
+    """
+    nodes = [Node(name, avatar.names[parent] if parent >= 0 else "", 100.0 * offset)
+             for name, parent, offset in zip(avatar.names, avatar.parents, avatar.offsets, strict=True)]  # fmt: skip
+    nodes = [replace(node, at=tuple(map(float, node.at))) for node in nodes]
+    lines = text_7([*nodes, *others, Node("Body", kind="Mesh")]).decode().splitlines()
+    firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = 100.0 * np.concatenate([part.vertices for part in parts])
+    corners = np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=False)])
+    corners[:, 2] = ~corners[:, 2]
+    arrays: dict[str, np.ndarray] = {"at": vertices.ravel(), "corners": corners.ravel().astype(np.int32)}
+    objects = ['\tGeometry: 9000, "Geometry::Body", "Mesh" {', '\t\tVertices: "at"',
+               '\t\tPolygonVertexIndex: "corners"', "\t}",
+               '\tDeformer: 9001, "Deformer::Skin", "Skin" {', "\t}"]  # fmt: skip
+    links = [f'C: "OO",9000,{1000 + len(nodes) + len(others)}', 'C: "OO",9001,9000']
+    main = np.concatenate([part.joints[:, 0] for part in parts])
+    carriers = [main]  # each vertex hangs a little on three joints above its own
+    for _ in range(3):
+        carriers.append(np.maximum(avatar.parents[carriers[-1]], 0))
+    rest = 100.0 * kinematics.rest_positions(avatar)
+    for joint in range(len(avatar)):
+        index, weights = np.flatnonzero(np.any([own == joint for own in carriers], axis=0)), np.zeros(len(main))
+        for own, weight in zip(carriers, (0.97, 0.01, 0.01, 0.01), strict=True):
+            weights[own == joint] += weight
+        bind = np.eye(4)
+        bind[3, :3] = rest[joint]
+        own_arrays: dict[str, np.ndarray] = {"Indexes": index.astype(np.int32), "Weights": weights[index],
+                      "Transform": np.linalg.inv(bind).ravel(), "TransformLink": bind.ravel()}  # fmt: skip
+        objects.append(f'\tDeformer: {9100 + joint}, "SubDeformer::", "Cluster" {{')
+        objects += [f'\t\t{name}: "{name}{joint}"' for name in own_arrays] + ["\t}"]
+        arrays |= {f"{name}{joint}": values for name, values in own_arrays.items()}
+        links += [f'C: "OO",{9100 + joint},9001', f'C: "OO",{1000 + joint},{9100 + joint}']
+    moved = np.arange(min(len(main), 20_000), dtype=np.int32)
+    arrays |= {"moved": moved, "moves": np.tile([0.0, 0.0, 1.0], len(moved))}
+    if n_shapes:
+        objects += ['\tDeformer: 9002, "Deformer::Shapes", "BlendShape" {', "\t}"]
+        links.append('C: "OO",9002,9000')
+    for n in range(n_shapes):
+        channel, shape = 10_000 + 2 * n, 10_001 + 2 * n
+        objects += [f'\tDeformer: {channel}, "SubDeformer::shape{n}", "BlendShapeChannel" {{', "\t}",
+                    f'\tGeometry: {shape}, "Geometry::shape{n}", "Shape" {{', '\t\tIndexes: "moved"',
+                    '\t\tVertices: "moves"', "\t}"]  # fmt: skip
+        links += [f'C: "OO",{channel},9002', f'C: "OO",{shape},{channel}']
+    stop = lines.index("}", lines.index("Objects:  {"))
+    return as_binary("\n".join([*lines[:stop], *objects, *lines[stop:-1], *links, "}"]).encode(), arrays=arrays)
 
 
 def _scalar(value: float | str) -> bytes:

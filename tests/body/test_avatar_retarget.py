@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,19 @@ def test_contacts_are_kept_on_avatars(folder: Path, gloss: str, name: str) -> No
     carried = copy_rotations(clip, reference(done.clip))[0]
     moved = np.abs(carried.local_rotations - done.clip.local_rotations).max()
     assert moved > 0.01, "rotations alone would not do"
+
+
+def test_convert_says_that_contacts_without_skin_are_not_measured(folder: Path, tmp_path: Path) -> None:
+    avatar, report, out = (tmp_path / name for name in ("bare.vrm", "r.json", "out.vrma"))
+    avatar.write_bytes((folder / "narrow.vrm").read_bytes())
+    avatars.edited(avatar, lambda document: [node.pop("mesh", None) for node in document["nodes"]])
+    clip = str(folder / "NAME.bvh")
+    run = CliRunner().invoke(app, ["convert", clip, str(out), "--avatar", str(avatar), "--report", str(report)])
+    assert run.exit_code == 0, run.output
+    assert "contacts not measured" in run.output
+    assert "kept" not in run.output
+    contacts = json.loads(report.read_text())["contacts"]
+    assert {(row["is_kept"], row["after_mm"]) for row in contacts} == {(None, None)}
 
 
 def test_an_avatar_of_the_same_bones_has_its_own_skin(folder: Path) -> None:

@@ -19,6 +19,7 @@ from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Skeleton, kinematics, rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
+from signsplice.splicing.report import describe_retargeting
 
 WAYS: dict[str, dict[str, Any]] = {
     "vrm 1.0": {"version": "1.0"},
@@ -109,10 +110,97 @@ def test_hair_skirts_and_accessories_are_no_skin(tmp_path: Path, broad: Avatar) 
     assert bare is not None
     assert dressed is not None
     np.testing.assert_array_equal(bare.radii, dressed.radii)
-    named = replace(broad, mesh=())
-    parts = [replace(part, name="HairBack_HAIR") for part in avatars.tubes(named)]
-    (line,) = ss.read_avatar(avatars.write(tmp_path / "b.vrm", named, parts, hair=False)).warnings
-    assert line == "b: holds no mesh that its bones carry; its body gets the usual proportions"
+
+
+def test_contacts_with_an_avatar_without_skin_are_not_measured(tmp_path: Path, broad: Avatar) -> None:
+    path = avatars.write(tmp_path / "b.vrm", broad, avatars.tubes(broad), hair=False)
+    avatar = ss.read_avatar(avatars.edited(path, lambda document: document.update(meshes=[], nodes=[
+        {key: value for key, value in node.items() if key not in ("mesh", "skin")} for node in document["nodes"]
+    ])))  # fmt: skip
+    (line,) = avatar.warnings
+    usual = "b: holds no mesh that its bones carry; its body gets the usual proportions"
+    assert line == f"{usual}; contacts on it are not measured"
+    done = ss.retarget(ss.open_lexicon().clip("NAME"), avatar)
+    assert done.contacts
+    assert {(contact.is_kept, contact.after_mm) for contact in done.contacts} == {(None, None)}
+    assert all(row["is_kept"] is None for row in describe_retargeting(done, "a.bvh", "b.vrm")["contacts"])
+
+
+def test_contacts_are_measured_only_where_skin_is(tmp_path: Path, broad: Avatar) -> None:
+    assert broad.body is not None
+    bodies = []
+    for lacking in ((), ("face", "hair", "nose", "eye", "mouth")):
+        pairs = zip(avatars.tubes(broad), broad.body.parts, strict=True)
+        parts = [part for part, kind in pairs if kind not in lacking]
+        bodies.append(ss.read_avatar(avatars.write(tmp_path / "a.vrm", broad, parts, hair=False)).body)
+    assert [body and body.guessed_regions for body in bodies] == [frozenset(), frozenset({"head"})]
+
+
+NAMES = ("glassesGuy", "CapGirl", "Man_with_Hat", "BowTieMan", "HoodieKid", "WingedCoat")
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory, broad: Avatar) -> Path:
+    return avatars.write(tmp_path_factory.mktemp("plain") / "plain.vrm", broad, avatars.tubes(broad))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_meshes_nodes_and_rigs_decide_nothing(tmp_path: Path, plain: Path, name: str) -> None:
+    def rename(document: dict[str, Any]) -> None:
+        for fields in (*document["meshes"], *document["nodes"]):
+            fields["name"] = f"{name}_{fields.get('name', '')}"
+
+    (renamed := tmp_path / "named.vrm").write_bytes(plain.read_bytes())
+    assert_same_skin(plain, avatars.edited(renamed, rename))
+
+
+@pytest.mark.parametrize("joints", [None, ("leftHand",), ("head", "neck"), ("chest", "upperChest", "spine")])
+def test_a_doubtful_material_counts_where_there_is_no_other(
+    tmp_path: Path, broad: Avatar, plain: Path, joints: tuple[str, ...] | None
+) -> None:
+    own = {rig_info(broad).roles.joints.get(role) for role in joints or ()}
+    parts = [
+        replace(part, name="Man_with_Hat") if joints is None or part.joints[0, 0] in own else part
+        for part in avatars.tubes(broad)
+    ]
+    assert_same_skin(plain, avatars.write(tmp_path / "doubtful.vrm", broad, parts))
+
+
+def test_a_doubtful_material_over_other_skin_is_none(tmp_path: Path, broad: Avatar, plain: Path) -> None:
+    parts = avatars.tubes(broad)
+    over = [replace(part, name="Man_with_Hat", vertices=1.1 * part.vertices) for part in parts]
+    assert_same_skin(plain, avatars.write(tmp_path / "over.vrm", broad, [*parts, *over]))
+
+
+def test_of_joints_that_hang_apart_those_of_a_person_are_read(tmp_path: Path, broad: Avatar) -> None:
+    """Targets of inverse kinematics without a parent, as Blender's exporter writes them."""
+    path = avatars.write(tmp_path / "a.glb", broad, avatars.tubes(broad), "", hair=False)
+    plain = ss.read_avatar(path)
+
+    def add_targets(document: dict[str, Any]) -> None:
+        for name in ("IK_hand.L", "IK_hand.R"):
+            document["scenes"][0]["nodes"].append(len(document["nodes"]))
+            document["skins"][0]["joints"].append(len(document["nodes"]))
+            document["nodes"].append({"name": name})
+        document["skins"][0].pop("inverseBindMatrices")
+
+    beside = ss.read_avatar(avatars.edited(path, add_targets))
+    assert (beside.names, beside.roles) == (plain.names, plain.roles)
+    np.testing.assert_array_equal(beside.offsets, plain.offsets)
+
+
+def assert_same_skin(plain: Path, other: Path) -> None:
+    """The two files hold the same skin, and the same contacts with it are measured."""
+    clip = ss.open_lexicon().clip("NAME")
+    first, second = ss.read_avatar(plain), ss.read_avatar(other)
+    assert first.body is not None
+    assert second.body is not None
+    assert first.body.skin is not None
+    assert second.body.skin is not None
+    np.testing.assert_array_equal(first.body.radii, second.body.radii)
+    np.testing.assert_array_equal(first.body.skin.mesh.positions, second.body.skin.mesh.positions)
+    assert [*map(len, (first.warnings, second.warnings))] == [0, 0]
+    assert ss.retarget(clip, first).contacts == ss.retarget(clip, second).contacts
 
 
 def test_a_mesh_part_without_indices_is_told(tmp_path: Path, broad: Avatar) -> None:

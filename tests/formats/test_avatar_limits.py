@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,23 +28,10 @@ def narrow() -> Avatar:
     return avatars.body("narrow")
 
 
-def edited(path: Path, change: Callable[[Document], object]) -> Path:
-    """The .vrm or .glb file with its document changed."""
-    content = path.read_bytes()
-    size = int.from_bytes(content[12:16], "little")
-    document = json.loads(content[20 : 20 + size])
-    change(document)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text + content[20 + size :]
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
-    return path
-
-
 def bare(folder: Path, avatar: Avatar, change: Callable[[Document], object], version: str = "1.0") -> Path:
     """A file of the avatar with one part of its mesh, changed."""
     path = folder / ("a.vrm" if version else "a.glb")
-    return edited(avatars.write(path, avatar, avatars.tubes(avatar)[:1], version, hair=False), change)
+    return avatars.edited(avatars.write(path, avatar, avatars.tubes(avatar)[:1], version, hair=False), change)
 
 
 def calls(path: Path) -> int:
@@ -84,7 +69,7 @@ def test_indices_that_parts_share_are_counted_for_each(
     with pytest.raises(
         LimitError, match=r"a\.vrm: meshes up to 210,000 indices take .* MB of memory, expected at most"
     ):
-        ss.read_avatar(edited(path, change))
+        ss.read_avatar(avatars.edited(path, change))
 
 
 def test_parts_without_end_are_refused(tmp_path: Path, narrow: Avatar) -> None:
@@ -95,7 +80,7 @@ def test_parts_without_end_are_refused(tmp_path: Path, narrow: Avatar) -> None:
         document["meshes"][0]["primitives"] *= 40
         document["nodes"] += [{"mesh": 0, "skin": 0}] * 40
 
-    path = edited(avatars.write(tmp_path / "a.vrm", narrow, [small], hair=False), change)
+    path = avatars.edited(avatars.write(tmp_path / "a.vrm", narrow, [small], hair=False), change)
     with pytest.raises(LimitError, match="meshes up to"):
         ss.read_avatar(path, limits=replace(DEFAULT_LIMITS, free_bytes=4e6))
 

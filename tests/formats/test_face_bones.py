@@ -58,6 +58,13 @@ def test_a_gaze_turns_eyes_and_an_open_mouth_the_jaw_and_both_come_back(
 
 
 @pytest.mark.parametrize("kind", face_avatars.WITH_BONES)
+def test_eyes_and_jaw_that_the_face_moves_are_no_loss(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
+    avatar = ss.read_avatar(face_avatars.write(tmp_path, kind))
+    assert {"leftEye", "rightEye"} <= {*rig_info(avatar).roles.joints}
+    assert not [line for line in ss.retarget(words["HELLO"], avatar).warnings if "counterpart" in line]
+
+
+@pytest.mark.parametrize("kind", face_avatars.WITH_BONES)
 def test_eyes_turn_by_the_output_of_the_range_maps(kind: str, words: dict[str, Clip], tmp_path: Path) -> None:
     ss.save(signed(looking(words["HELLO"][:4], **LEFT_UP), tmp_path, kind), tmp_path / "out.glb")
     shown = ss.load(tmp_path / "out.glb")

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from pygltflib import GLTF2
 
+import avatars
 import signsplice as ss
-from fbx_files import Node, text_6, text_7
+from fbx_files import Node, character, text_6, text_7
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import load
+from signsplice.formats.avatar import parse_avatar
 from signsplice.formats.fbx_avatar import as_glb
 from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.motion import kinematics
@@ -129,6 +131,31 @@ def test_meshes_that_take_far_more_memory_than_their_file_are_refused(tmp_path: 
     assert as_glb(CONTENT, "person.fbx", tmp_path, replace(few, free_bytes=5e6))
     with pytest.raises(LimitError, match="of memory, expected at most"):
         as_glb(CONTENT, "person.fbx", tmp_path, few)
+
+
+@pytest.fixture(scope="module")
+def narrow() -> Avatar:
+    return avatars.body("narrow")
+
+
+def test_a_character_of_100_000_vertices_and_packed_arrays_is_read(tmp_path: Path, narrow: Avatar) -> None:
+    parts = avatars.tubes(narrow)
+    many = [part for part in parts for _ in range(100_000 // sum(len(part.vertices) for part in parts) + 1)]
+    content = character(narrow, many, n_shapes=52)
+    assert sum(len(part.vertices) for part in many) > 100_000
+    assert len(content) < 5e6
+    avatar = parse_avatar(content, "many.fbx")
+    assert avatar.warnings == ()
+    assert sum(len(part.vertices) for part in avatar.mesh) > 100_000
+    with pytest.raises(LimitError, match=r"records take .* MB of memory, expected at most"):
+        parse_avatar(character(narrow, many, n_shapes=200), "bomb.fbx")
+
+
+def test_targets_of_inverse_kinematics_hang_beside_a_body(narrow: Avatar) -> None:
+    targets = [Node(f"IK_{what}.{side}", "", (50, 90, 0)) for what in ("hand", "foot") for side in "LR"]
+    plain, beside = (parse_avatar(character(narrow, avatars.tubes(narrow), more), "a.fbx") for more in ((), targets))
+    assert beside.names == plain.names
+    assert beside.roles == plain.roles
 
 
 TRUNK = (Node("Hips", moves={("R", 0): ((0, 0), (1, 9))}), Node("Spine", "Hips", (0, 20, 0)))

@@ -312,6 +312,7 @@ class BodyCapsules(HasDerived):
     keys: name of each, the same on every body ("leftIndexProximal", "chest1", ...).
     relief: height of the skin of head and trunk above these capsules; None if the capsules are the skin.
     skin: points of skin that follow the joints; None without a mesh.
+    guessed_regions: regions that hands touch (``contacts.REGIONS``) of an avatar whose skin there cannot be read.
     """
 
     joints: NDArray[np.intp]
@@ -323,6 +324,7 @@ class BodyCapsules(HasDerived):
     keys: tuple[str, ...]
     relief: Relief | None = None
     skin: AvatarSkin | None = None
+    guessed_regions: frozenset[str] = frozenset()
 
     @cached_property
     def groups(self) -> CapsuleGroups:

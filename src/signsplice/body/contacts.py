@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -117,25 +118,42 @@ class Contact:
     hand: "left" or "right"; "right" if both hands meet.
     region: one of ``REGIONS``.
     frames: first frame and end, half-open, in the clip before placement and resampling.
-    before_mm, after_mm: median skin distance at the source and on the other body, mm; negative inside.
-    is_kept: whether both distances agree within ``KEPT_M``; a contact deep at the source may become less deep.
+    before_mm, after_mm: median skin distance at the source and on the other body, mm; negative inside. ``after_mm`` is
+        None if it was not measured, since an avatar has no skin there that can be read.
+    is_kept: whether both distances agree within ``KEPT_M``; a contact deep at the source may become less deep. None if
+        it was not measured.
     """
 
     hand: str
     region: str
     frames: tuple[int, int]
     before_mm: float
-    after_mm: float
-    is_kept: bool
+    after_mm: float | None
+    is_kept: bool | None
+
+
+def count_kept(contacts: Sequence[Contact], body: BodyCapsules) -> str:
+    """Returns how many contacts on a body are kept, and how many were not measured, for a message."""
+    if body.guessed_regions.issuperset(REGIONS):
+        return "contacts not measured"
+    measured = [contact.is_kept for contact in contacts if contact.is_kept is not None]
+    more = f", {len(contacts) - len(measured)} not measured" if len(measured) < len(contacts) else ""
+    return f"{sum(measured)} of {len(measured)} contacts kept{more}"
 
 
 def find_contacts(
-    body: BodyCapsules, pairs: SkinPairs, near: Near, after: FloatArray, n_frames: int
+    body: BodyCapsules,
+    pairs: SkinPairs,
+    near: Near,
+    after: FloatArray,
+    n_frames: int,
+    guessed_regions: Collection[str] = (),
 ) -> tuple[Contact, ...]:
     """Returns the contacts of a clip of ``n_frames``, in order.
 
     near: all pairs nearer than ``SEPARATION_M`` at the source.
     after: (N,) their distances on the other body, m.
+    guessed_regions: those of the other body whose contacts are not measured.
     """
     frames, k, before = near.frames, near.k, near.distance
     region = np.array([_region(body, row) for row in range(len(body.keys))], np.intp)[pairs.other[k]]
@@ -149,7 +167,8 @@ def find_contacts(
             for start, stop in _events(tables[0, :, n_hand, n]):
                 was, now = (_median(table[start:stop, n_hand, n]) for table in tables)
                 is_kept = was - KEPT_M < now < max(was, -PRESS_M) + KEPT_M
-                contacts.append(Contact(hand, name, (start, stop), round(1e3 * was, 1), round(1e3 * now, 1), is_kept))
+                found = Contact(hand, name, (start, stop), round(1e3 * was, 1), round(1e3 * now, 1), is_kept)
+                contacts.append(replace(found, after_mm=None, is_kept=None) if name in guessed_regions else found)
     return tuple(sorted(contacts, key=lambda contact: contact.frames))
 
 

@@ -23,7 +23,7 @@ from signsplice.rig.align import Reference, copy_rotations, list_names, placemen
 from signsplice.rig.info import active_span, arms, rig_info
 from signsplice.rig.inspection import clip_warnings
 from signsplice.rig.rest_pose import with_rest_pose
-from signsplice.rig.roles import SIDES
+from signsplice.rig.roles import FACE_BONES, SIDES
 
 ALIKE = 0.005
 """Bodies whose arms, shoulders and hands, as parts of stature, differ by a smaller fraction than this count as one:
@@ -81,7 +81,8 @@ def _body_reference(clip: Clip, onto: Clip | Skeleton, fps: float) -> Reference:
     skeleton = onto if isinstance(onto, Skeleton) else with_rest_pose(onto).skeleton
     pose = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1)) if isinstance(onto, Skeleton) else onto.local_rotations[0]
     name = onto.name if isinstance(onto, Clip) else onto.label if isinstance(onto, Avatar) else "the skeleton"
-    return Reference(skeleton, fps, placement(clip), pose, name)
+    has_face = isinstance(onto, Avatar) and onto.file is not None  # which morph targets show, or its own bones
+    return Reference(skeleton, fps, placement(clip), pose, name, FACE_BONES if has_face else ())
 
 
 def reference_onto(first: Clip, onto: Clip | Skeleton, fps: float) -> Reference:
@@ -247,7 +248,8 @@ def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
     after -= posed.heights(target_pairs, pairs)
     after = after if on_skin is None else on_skin.distances(source_pairs, pairs, after)
-    contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames)
+    guessed = fit.carried.body.guessed_regions
+    contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames, guessed)
     first = _OVERLAP if start else 0  # the window before holds earlier ones
     return [
         replace(contact, frames=(contact.frames[0] + start, contact.frames[1] + start))

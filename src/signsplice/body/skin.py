@@ -17,9 +17,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.body.capsules import ARM, TRUNK_SIZES, BodyCapsules, BodyShape, build_capsules
-from signsplice.body.skin_surface import MIN_POINTS, AvatarSkin, Relief, SkinPoints, quantile, surface, window
+from signsplice.body.contacts import REGIONS
+from signsplice.body.skin_surface import (
+    HEAD,
+    MIN_POINTS,
+    TRUNK,
+    AvatarSkin,
+    Relief,
+    SkinPoints,
+    quantile,
+    surface,
+    window,
+    without_doubtful,
+)
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.kinematics import rest_positions, subtree
 from signsplice.rig.info import rig_info
@@ -318,25 +331,34 @@ def _surface(front: FloatArray, at: FloatArray, cell: float, otherwise: float) -
     return float(close[:, 2].max()) if len(close) else otherwise
 
 
-_TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
-_HEAD = ("head", "jaw", "leftEye", "rightEye")
-BODY = (*_TRUNK, *_HEAD, "neck")
+BODY = (*TRUNK, *HEAD, "neck")
 """Roles of the joints whose skin hands touch."""
+_REGION_PARTS = {"head": ("head",), "neck": ("neck",), "trunk": ("chest", "spine")}
+"""Region that hands touch -> parts of the body, of which one needs skin."""
 _LIMBS = {"arms": ARM, "legs": ("leg",), "neck": ("neck",)}
 
 
-def fit_skin(skeleton: Skeleton, points: SkinPoints) -> tuple[BodyCapsules, tuple[str, ...]]:
-    """Returns the capsules of a skeleton with known arms, fitted to the vertices of its skin, and the parts with too
-    few vertices, which keep the usual proportions.
+def fit_skin(
+    skeleton: Skeleton, points: SkinPoints, is_doubtful: NDArray[np.bool_]
+) -> tuple[BodyCapsules, tuple[str, ...]]:
+    """Returns the capsules of a skeleton with known arms, fitted to the V vertices of its skin, and the parts with too
+    few vertices, which keep the usual proportions. Vertices of ``is_doubtful`` (V,) count only on body parts without
+    enough other skin.
     """
+    info = rig_info(skeleton)
+    points, known = without_doubtful(points, is_doubtful, info.roles.role_of, info.sizes.stature)
     fitting = _Fitting(skeleton, points)
     fitting.hands()
     fitting.limbs()
     fitting.trunk()
     fitting.head()
-    return replace(fitting.body(), skin=_skin(skeleton, points)), tuple(
-        sorted(fitting.missed, key=lambda what: what not in _LIMBS)
-    )
+    skin, missed = _skin(skeleton, points), fitting.missed
+    guessed = {region for region, parts in _REGION_PARTS.items() if known.isdisjoint(parts)}
+    guessed |= {"arm"} if "arms" in missed else set()
+    if skin is None or any(known.isdisjoint((f"{side}Hand", f"{side}Fingers")) for side in SIDES):
+        guessed = {*REGIONS}
+    body = replace(fitting.body(), skin=skin, guessed_regions=frozenset(guessed))
+    return body, tuple(sorted(missed, key=lambda what: what not in _LIMBS))
 
 
 def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
@@ -344,11 +366,8 @@ def _skin(skeleton: Skeleton, points: SkinPoints) -> AvatarSkin | None:
     info, rest = rig_info(skeleton), rest_positions(skeleton)
     roles, spacing = info.roles.joints, _MEASURES.point_spacing * info.sizes.stature
     body = surface(points, [roles[role] for role in BODY if role in roles], rest, spacing)
-    hands = [
-        surface(points, subtree(skeleton, roles[f"{side}Hand"]), rest, spacing, bare=True)
-        for side in SIDES
-        if f"{side}Hand" in roles
-    ]
+    wrists = [roles[f"{side}Hand"] for side in SIDES if f"{side}Hand" in roles]
+    hands = [surface(points, subtree(skeleton, wrist), rest, spacing, bare=True) for wrist in wrists]
     left, right = (*hands, None, None)[:2]
     return None if body is None or left is None or right is None else AvatarSkin(body, (left, right), points)
 
@@ -530,7 +549,7 @@ class _Fitting:
         """Fit chest and belly as three columns each, hips, back and collar."""
         low = self.rest[self.roles.get("hips", 0)][1] - (TRUNK_SIZES.hem_drop + _MEASURES.hem_margin) * self.height
         legs = [self.roles[role] for role in ("leftUpperLeg", "rightUpperLeg") if role in self.roles]
-        trunk = [self.roles[role] for role in _TRUNK if role in self.roles]
+        trunk = [self.roles[role] for role in TRUNK if role in self.roles]
         points = np.concatenate([self._surface(trunk), (p := self._surface(legs))[p[:, 1] > low]])
         if len(points) < MIN_POINTS:
             self.missed.append("trunk")
@@ -561,7 +580,7 @@ class _Fitting:
         if not rows:
             return
         joint = self.rest[self.roles["head"]]
-        points = self._surface([self.roles[role] for role in _HEAD if role in self.roles]) - joint
+        points = self._surface([self.roles[role] for role in HEAD if role in self.roles]) - joint
         starts, ends, radii = self.starts[rows] - joint, self.ends[rows] - joint, self.radii[rows]
         if fit_head(starts, ends, radii, points, self.height):
             self.starts[rows], self.ends[rows], self.radii[rows] = starts + joint, ends + joint, radii

@@ -11,7 +11,7 @@ so that the outermost decides. Places in another capsule are not skin: their hei
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import FloatArray
+from signsplice.rig.roles import SIDES
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -164,12 +165,12 @@ class Relief:
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Vertices on skin or clothing, without hair, skirts and accessories.
+    """Vertices on skin or clothing.
 
     positions: (V, 3) in the rest pose, root at the origin, m.
     joints, weights: (V, 4) joints that carry each, and their weights.
     triangles: (F, 3) rows of such vertices.
-    is_cloth: (V,) whether each lies on clothing, by the name of the part.
+    is_cloth: (V,) whether each lies on clothing, by the name of its material.
     """
 
     positions: FloatArray
@@ -177,6 +178,17 @@ class SkinPoints:
     weights: FloatArray
     triangles: NDArray[np.int64]
     is_cloth: NDArray[np.bool_]
+
+    def where(self, kept: NDArray[np.bool_]) -> SkinPoints:
+        """Returns the vertices that ``kept`` (V,) tells, and the triangles between them."""
+        triangles = (np.cumsum(kept) - 1)[self.triangles[kept[self.triangles].all(axis=1)]]
+        return SkinPoints(self.positions[kept], self.joints[kept], self.weights[kept], triangles, self.is_cloth[kept])
+
+    def areas(self, parts: NDArray[np.intp], n_parts: int) -> FloatArray:
+        """Returns the area (P,) of each body part's triangles; ``parts``: (V,) the part of each vertex."""
+        edges = self.positions[self.triangles[:, 1:]] - self.positions[self.triangles[:, :1]]
+        area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        return np.asarray(np.bincount(parts[self.triangles[:, 0]], area, n_parts), np.float64)
 
     def of(self, joints: int | Sequence[int]) -> FloatArray:
         """Returns positions (N, 3) of the vertices that these joints carry: of bare skin if the mesh has enough."""
@@ -219,6 +231,45 @@ class SkinPoints:
             shares.append(np.tile(np.stack([1.0 - u - v, u, v], axis=1), (int(mask.sum()), 1)))
             normals.append(np.repeat(cross[mask], len(u), axis=0))
         return np.concatenate(vertices), np.concatenate(shares), np.concatenate(normals)
+
+
+TRUNK = ("hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder")
+HEAD = ("head", "jaw", "leftEye", "rightEye")
+_LIMB_AREAS = {
+    **{"Shoulder": 0.0005, "UpperArm": 0.008, "LowerArm": 0.008, "Hand": 0.0008, "Fingers": 0.0025},
+    **{"UpperLeg": 0.015, "LowerLeg": 0.015, "Foot": 0.01},
+}
+_LEAST_AREAS = {"head": 0.015, "neck": 0.003, "chest": 0.025, "spine": 0.006, "hips": 0.015}
+_LEAST_AREAS |= {side + part: area for side in SIDES for part, area in _LIMB_AREAS.items()}
+"""Least area of the skin of a body part, squared statures: under half of the least on four avatars of as many makers;
+their eyes, teeth and mouths have up to 0.009.
+"""
+
+
+def without_doubtful(
+    points: SkinPoints, is_doubtful: NDArray[np.bool_], role_of: Mapping[int, str], stature: float
+) -> tuple[SkinPoints, set[str]]:
+    """Returns points without doubtful ones (V,) on body parts that have enough other skin, and the parts, of
+    ``_LEAST_AREAS``, that then have enough; ``role_of``: joint -> its role.
+    """
+    names = [*_LEAST_AREAS]
+    part_of = np.array([names.index(_part(role_of.get(k, "hips"))) for k in range(points.joints.max(initial=0) + 1)])
+    parts = part_of[points.joints[np.arange(len(points.joints)), points.weights.argmax(axis=1)]]
+    least = np.array([*_LEAST_AREAS.values()]) * stature**2
+    is_enough = points.where(~is_doubtful).areas(parts[~is_doubtful], len(names)) >= least
+    kept = ~(is_doubtful & is_enough[parts])
+    points = points.where(kept)
+    return points, {names[k] for k in np.flatnonzero(points.areas(parts[kept], len(names)) >= least)}
+
+
+def _part(role: str) -> str:
+    """Returns the part of the body, of ``_LEAST_AREAS``, to which a role belongs."""
+    if role in _LEAST_AREAS:
+        return role
+    if role in (*HEAD, *TRUNK):
+        return "head" if role in HEAD else "chest"
+    side = "left" if role.startswith("left") else "right"
+    return side + ("Foot" if role.endswith("Toes") else "Fingers")
 
 
 def quantile(values: FloatArray, fraction: float) -> float:

@@ -98,6 +98,8 @@ def convert(
         write(clip, output)
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
         return
+    from signsplice.body.capsules import body_capsules
+    from signsplice.body.contacts import count_kept
     from signsplice.body.retarget import retarget
 
     done = retarget(clip, load_body(body) if avatar is None else load_avatar(body, read_as().roles, skin))
@@ -107,8 +109,8 @@ def convert(
         from signsplice.splicing import report as reports
 
         reports.write(reports.describe_retargeting(done, source, body), report)
-    contact_count = f"{sum(contact.is_kept for contact in done.contacts)} of {len(done.contacts)} contacts kept"
-    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {contact_count}")
+    kept = count_kept(done.contacts, body_capsules(done.clip.skeleton))
+    print(f"{output}: {len(done.clip)} frames, {done.clip.seconds:.2f} s, {kept}")
 
 
 def _mouthing(clip: Clip, sampa: str) -> Clip:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import copy
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from signsplice.body.capsules import Avatar, AvatarFile
+from signsplice.body.contacts import REGIONS
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
 from signsplice.formats import join_suffixes
@@ -42,7 +43,7 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, f
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 from signsplice.motion.face import bone_quats, target_weights
 from signsplice.rig.align import place, placement
-from signsplice.rig.info import rig_info
+from signsplice.rig.info import RigInfo, rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 
 _SAME = 1e-12
@@ -179,6 +180,7 @@ _IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2
 """Suffix -> media type."""
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
+_MOST_TREES = 4
 
 
 def read_avatar(
@@ -263,15 +265,18 @@ class AvatarReader(MeshReader):
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
         # Joints without a role stay at rest: their vertices follow the nearest ancestor with a role.
         rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
-        parts, points = self.read_meshes(rows, turn, origin, skin)
+        parts, points, is_doubtful = self.read_meshes(rows, turn, origin, skin)
         if self.n_unread_parts:
             n_parts = f"{self.n_unread_parts} mesh part{'s' * (self.n_unread_parts > 1)}"
             lacks = (*lacks, f"{avatar.label}: holds {n_parts} without indexed triangles, not read")
-        if points is None:
-            line = f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions"
-            return replace(avatar, mesh=parts, warnings=(*lacks, line))
-        body, missed = fit_skin(avatar, points)
-        return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *_warnings(avatar.label, missed)))
+        body, missed = fit_skin(avatar, points, is_doubtful)
+        lines = _warnings(avatar.label, missed)
+        if not len(points.positions):
+            lines = (f"{avatar.label}: holds no mesh that its bones carry; its body gets the usual proportions",)
+        if body.guessed_regions.issuperset(REGIONS):
+            line = next(iter(lines), f"{avatar.label}: has too little skin on body or hands")
+            lines = (f"{line}; contacts on it are not measured",)
+        return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *lines))
 
     def _whole(self, content: bytes) -> bytes:
         """Return the file as one .glb that names no other file; unchanged if it already is one. An image that is
@@ -333,19 +338,45 @@ class AvatarReader(MeshReader):
             raise self._error("is no avatar: it holds neither a VRM humanoid nor a mesh with a skin")
         if humanoid and not given:
             return humanoid
+        # Of joints that hang apart, such as targets of inverse kinematics, those with most roles are the person's.
+        trees = self._joint_trees(joints)
+        names = [{str(self.nodes[node].get("name")) for node in tree} for tree in trees]
+        holding = [tree for tree, known in zip(trees, names, strict=True) if known.issuperset(given.values())]
+        found = [self._recognised(tree, humanoid, given) for tree in holding or trees[-1:]]
+        order, info = max(found, key=lambda tree: len(tree[1].roles.joints))
+        _ = info.arm_joints  # raises if there are no arms
+        return {role: order[joint] for role, joint in info.roles.joints.items()}
+
+    def _joint_trees(self, joints: Set[int]) -> list[set[int]]:
+        """Return the joints below each one that has no joint above, the largest ``_MOST_TREES`` of such trees, and, if
+        they are several with a common ancestor, all joints.
+        """
+        check_most(len(joints), "joints", self.limits.joints, self.file)
+        tops: dict[int, int] = {}
+        trees: dict[int, set[int]] = {}
+        for node in self.order:
+            above = self.parents.get(node, -1)
+            if above in tops or node in joints:
+                tops[node] = tops.get(above, node)
+            if node in joints:
+                trees.setdefault(tops[node], set()).add(node)
+        has_ancestor = len(trees) > 1 and len(joints) in self._count_below(joints)
+        return [*sorted(trees.values(), key=len)[: -_MOST_TREES - 1 : -1], *([{*joints}] if has_ancestor else [])]
+
+    def _recognised(
+        self, joints: Set[int], humanoid: Mapping[str, int], given: Mapping[str, str]
+    ) -> tuple[list[int], RigInfo]:
+        """Return the nodes of joints and those between them, parents first, and the roles that names tell."""
         order = self._joint_order(joints)
         rows, parents, names = self._tree(order)
         positions = np.array([self.world(node)[:3, 3] for node in order])
         skeleton = Skeleton(
             tuple(names), parents, np.where((parents >= 0)[:, None], positions - positions[parents], 0.0)
         )
-        known = {role: names[rows[node]] for role, node in humanoid.items()}
+        known = {role: names[rows[node]] for role, node in humanoid.items() if node in rows}
         if set(given.values()) & {*names} or not (humanoid or rig_info(skeleton).roles.rig != "unknown"):
             known = {role: name for role, name in known.items() if name not in given.values()} | dict(given)
-        info = rig_info(replace(skeleton, roles=known or None))
-        _ = info.arm_joints  # raises if there are no arms
-        joints_of_roles = info.roles.joints
-        return {role: order[joint] for role, joint in joints_of_roles.items()}
+        return order, rig_info(replace(skeleton, roles=known or None))
 
 
 def _lacking_fingers(label: str, roles: Mapping[str, str]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from signsplice.errors import FormatError
 from signsplice.formats.fbx_records import FbxObjects, Id, name_of, numbers_of
-from signsplice.formats.fbx_scene import BONES, FbxScene, Transforms
+from signsplice.formats.fbx_scene import FbxScene, Transforms
 from signsplice.formats.fbx_takes import MOVES, PERCENT, Take
 from signsplice.formats.gltf_document import (
     DRIFT,
@@ -53,8 +53,6 @@ def face_of(objects: FbxObjects, take: Take, times: FloatArray) -> tuple[Face | 
     return face, tuple(unknown)
 
 
-_NO_JOINT_KINDS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
-"""Kinds of models that are no joints, even if they move."""
 _CONSTANT = 1e-5
 """Translations that change by less than this fraction of the longest bone are constant."""
 _LEAST_JOINTS = 3
@@ -79,7 +77,9 @@ class _Reader:
 
     def clip(self, name: str) -> Clip:
         """Return the clip of a take; without a name, of the first that moves a joint."""
-        skeletons = self._skeletons()
+        skeletons = self.scene.skeletons()
+        if not skeletons:
+            raise self._error("holds neither bones nor models that move, expected an animated skeleton")
         take = self._take(name, {key for order in skeletons for key in order})
         ranks = [self._rank(order, take) for order in skeletons] if len(skeletons) > 1 else [(0, 0)]
         order = skeletons.pop(ranks.index(max(ranks)))
@@ -92,29 +92,6 @@ class _Reader:
         notes = [*others_left(f"the take {take.name!r:.80}", takes), *others_left(skeleton_read, tops), *take.notes()]
         face, shapes = face_of(self.scene.objects, take, times)
         return replace(clip, face=face, left_out=(*take.left_out, *shapes), notes=tuple(notes))
-
-    def _skeletons(self) -> list[list[Id]]:
-        """Return the joints of each skeleton, parents first."""
-        models, parents = self.scene.models, self.scene.parents
-        joints = {key for key in self.scene.order if models[key].kind in BONES or key in self.scene.skinned}
-        if not joints:
-            moved = {key for take in self.scene.takes for key, _ in take.model_curves()}
-            for key in self.scene.order:
-                if (key in moved or parents.get(key) in joints) and models[key].kind not in _NO_JOINT_KINDS:
-                    joints.add(key)
-        if not joints:
-            raise self._error("holds neither bones nor models that move, expected an animated skeleton")
-        tops: dict[Id, Id] = {}
-        skeletons: dict[Id, list[Id]] = {}
-        for key in self.scene.order:
-            parent = parents.get(key)
-            if parent in tops:
-                tops[key] = tops[parent]
-            elif key in joints:
-                tops[key] = key
-            if key in joints:
-                skeletons.setdefault(tops[key], []).append(key)
-        return list(skeletons.values())
 
     def _rank(self, order: Sequence[Id], take: Take) -> tuple[int, int]:
         """Return how many body roles a skeleton has, and how many of its joints move."""

@@ -19,8 +19,10 @@ from signsplice.formats.fbx_takes import MOVES, Take, quats, read_takes
 from signsplice.formats.reading import ReadLimits
 from signsplice.motion import FloatArray, rotation
 
-BONES = ("LimbNode", "Limb", "Root")
+_BONES = ("LimbNode", "Limb", "Root")
 """Kinds of models that are joints."""
+_NO_JOINT_KINDS = ("Mesh", "Camera", "Light", "Line", "NurbsCurve", "NurbsSurface")
+"""Kinds of models that are no joints, even if they move."""
 _ORDERS = ("XYZ", "XZY", "YZX", "YXZ", "ZXY", "ZYX", "XYZ")
 """By FBX number: axes in the order of their rotations."""
 _RATES = (30, 120, 100, 60, 50, 48, 30, 30, 30 / 1.001, 30 / 1.001, 25, 24, 1000, 24 / 1.001, 0, 96, 72, 60 / 1.001,
@@ -151,6 +153,29 @@ class FbxScene:
     def to_axes(self, quats: FloatArray) -> None:
         """Convert rotations (..., 4), in place, from the file's axes to X right, Y up, Z ahead."""
         quats[..., :3] = np.linalg.det(self.axes) * quats[..., :3] @ self.axes.T
+
+    def skeletons(self) -> list[list[Id]]:
+        """Return the joints of each skeleton, parents first: bones, or if the file has none, moving models and those
+        below them.
+        """
+        joints = {key for key in self.order if self.models[key].kind in _BONES or key in self.skinned}
+        if not joints:
+            moved = {key for take in self.takes for key, _ in take.model_curves()}
+            for key in self.order:
+                is_below = key in moved or self.parents.get(key) in joints
+                if is_below and self.models[key].kind not in _NO_JOINT_KINDS:
+                    joints.add(key)
+        tops: dict[Id, Id] = {}
+        skeletons: dict[Id, list[Id]] = {}
+        for key in self.order:
+            parent = self.parents.get(key)
+            if parent in tops:
+                tops[key] = tops[parent]
+            elif key in joints:
+                tops[key] = key
+            if key in joints:
+                skeletons.setdefault(tops[key], []).append(key)
+        return list(skeletons.values())
 
     def parent_rows(self, order: Sequence[Id]) -> NDArray[np.intp]:
         """Return for each of some models the row of its nearest ancestor among them, -1 for none."""

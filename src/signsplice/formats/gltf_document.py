@@ -443,10 +443,7 @@ class SkeletonDocument(Document):
 
         The root is the nearest common ancestor of all joints, or the highest animated node above it.
         """
-        n_below = [int(node in joints) for node in range(len(self.nodes))]  # joints at or below each node
-        for node in reversed(self.order):
-            if node in self.parents:
-                n_below[self.parents[node]] += n_below[node]
+        n_below = self._count_below(joints)
         above_all = [node for node in self.order if n_below[node] == len(joints)]  # a path from the root down
         if not above_all:
             raise self._error("its joints hang from several roots, expected one skeleton")
@@ -454,6 +451,14 @@ class SkeletonDocument(Document):
         order = [node for node in self._subtree(root) if n_below[node]]
         check_most(len(order), "joints", self.limits.joints, self.file)
         return order
+
+    def _count_below(self, joints: Set[int]) -> list[int]:
+        """Return how many joints are at or below each node."""
+        n_below = [int(node in joints) for node in range(len(self.nodes))]
+        for node in reversed(self.order):
+            if node in self.parents:
+                n_below[self.parents[node]] += n_below[node]
+        return n_below
 
     def _tree(self, order: Sequence[int]) -> tuple[dict[int, int], NDArray[np.intp], list[str]]:
         """Return, for J joints, parents first: node -> row, the row of each one's parent (J,), -1 for none, and unique

@@ -50,6 +50,7 @@ from signsplice.motion.face import (
     target_weights,
 )
 from signsplice.rig.info import rig_info
+from signsplice.rig.roles import FACE_BONES
 
 _RANGES = ("HorizontalInner", "HorizontalOuter", "VerticalDown", "VerticalUp")
 _MOST_DEG = 180.0
@@ -213,7 +214,7 @@ class FaceReader(SkeletonDocument):
         """Return the clip with gaze and open mouth from its bones, if its face has none."""
         rig = rig_info(clip.skeleton)
         quats = {}
-        for role in ("leftEye", "rightEye", "jaw"):
+        for role in FACE_BONES:
             if (joint := rig.roles.joint(role)) is not None:
                 upright = rig.t_pose.rotations[joint]
                 turned = rotation.multiply(upright, clip.local_rotations[:, joint])

@@ -1,11 +1,13 @@
-"""Meshes of glTF files in the rest pose, carried by a skeleton's joints, and classification of vertices as skin or as
-hair, skirts or accessories.
+"""Meshes of glTF files in the rest pose, carried by a skeleton's joints, and their vertices that are skin.
+
+Skin is what joints with a role carry, or joints below them but for hair, skirts and the like. Names of meshes and nodes
+decide nothing unless they are given; the name of a material can make its vertices doubtful (``body.skin``), or cloth.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from functools import cached_property
 from pathlib import Path
 
@@ -32,27 +34,13 @@ _PART_BYTES = 4000
 """Bytes of memory counted for a mesh part."""
 _JOINT_BYTES = 400
 """Bytes of memory counted for a joint of a glTF skin."""
-_LOOSE = {
-    *("hair", "ahoge", "bangs", "ponytail", "twintail", "braid", "wig", "eyelash", "eyelashes", "lash", "lashes"),
-    *("skirt", "cape", "cloak", "coat", "scarf", "ribbon", "bow", "necktie", "tail", "wing", "horn", "outline"),
-    *("hat", "cap", "hood", "helmet", "glasses", "goggles", "mask", "earring", "earrings", "necklace", "accessory"),
-    *("accessories", "acc", "weapon", "bag", "backpack"),
-}
-"""Words in names of joints without a role, meshes, nodes and materials that are not skin."""
-_CLOTH = {
-    *("cloth", "clothes", "clothing", "tops", "top", "bottoms", "bottom", "outfit", "shirt", "tshirt", "blouse"),
-    *("dress", "robe", "kimono", "yukata", "sleeve", "sleeves", "jacket", "sweater", "hoodie", "suit", "vest"),
-    *("pants", "trousers"),
-    *("jeans", "shorts", "gloves", "glove", "cuff", "cuffs", "onepiece", "uniform", "socks", "shoes", "shoe", "boots"),
-}
-"""Words in the names of materials, nodes and meshes that cover skin."""
-_SKIN_JOINTS = {
-    *("bust", "breast", "breasts", "boob", "boobs", "oppai", "mune", "chichi", "butt", "hip", "hips", "belly"),
-    *("twist", "roll", "muscle", "helper"),
-}
-"""Words in names of joints without a role that carry skin even if a spring moves them or their name is in ``_LOOSE``.
-"""
-_LOOSE_JAPANESE = ("髪", "スカート", "リボン", "帽", "眼鏡")
+_LOOSE = {"hair", "skirt", "glasses", "hat", "cape", "tail", "wing", "outline"}
+"""Words in names of materials that are doubtful skin, and of joints without a role that carry none."""
+_CLOTH = {"cloth", "clothes", "clothing", "outfit", "tops", "shirt", "dress", "coat", "jacket", "sleeve"}
+"""Words in names of materials that cover skin."""
+_SKIN_JOINTS = {"bust", "breast", "breasts"}
+"""Words in names of joints without a role that carry skin even if a spring moves them."""
+_LOOSE_JAPANESE = ("髪", "スカート")
 """Japanese words with the meaning of ``_LOOSE``."""
 _SKIN_JOINTS_JAPANESE = ("胸", "乳")
 """Japanese words with the meaning of ``_SKIN_JOINTS``."""
@@ -64,14 +52,9 @@ def words(name: str) -> frozenset[str]:
     return frozenset(word.lower() for word in _WORD.findall(name))
 
 
-def is_cloth(name: str) -> bool:
-    """Whether a name denotes clothing."""
-    return bool(words(name) & _CLOTH)
-
-
-def is_loose(name: str) -> bool:
-    """Whether a name denotes hair, hanging clothing, or an accessory."""
-    return bool(words(name) & _LOOSE) or any(word in name for word in _LOOSE_JAPANESE)
+def is_loose(name: str, ignored: Set[str] = frozenset()) -> bool:
+    """Whether a name, without ``ignored`` words, denotes hair, hanging clothing, or an accessory."""
+    return bool((words(name) - ignored) & _LOOSE) or any(word in name for word in _LOOSE_JAPANESE)
 
 
 _Bones = tuple[FloatArray, NDArray[np.int64], NDArray[np.bool_]]
@@ -114,19 +97,18 @@ class MeshReader(SkeletonDocument):
 
     def read_meshes(
         self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, skin_names: Sequence[str] = ()
-    ) -> tuple[tuple[MeshPart, ...], SkinPoints | None]:
-        """Return the meshes that joints carry, and their vertices on skin or clothing (no hair, skirts, accessories),
-        None if there are none.
+    ) -> tuple[tuple[MeshPart, ...], SkinPoints, NDArray[np.bool_]]:
+        """Return the meshes that joints carry, their V vertices that joints with skin carry, and whether each of these
+        (V,) is doubtful, by the name of its material.
 
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
-        skin_names: meshes, nodes and materials that are skin: all others are then cloth. If empty, names of clothing
-        are cloth, but a material named skin is skin. Raises ``InputError`` for a name that matches none.
+        skin_names: meshes, nodes and materials that are skin: all others are then cloth. If empty, names of materials
+        tell what is cloth, unless they hold "skin". Raises ``InputError`` for a name that matches none.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
         parts: list[MeshPart] = []
-        on_body_masks: list[NDArray[np.bool_]] = []
-        cloth: list[bool] = []
+        masks = [np.empty((3, 0), bool)]
         seen: set[str] = set()
         for node, fields in enumerate(self.nodes):
             if fields.get("mesh") is None:
@@ -138,36 +120,34 @@ class MeshReader(SkeletonDocument):
             primitives = self._triangle_primitives(fields["mesh"])
             self.n_unread_parts += len(mesh["primitives"]) - len(primitives)
             for primitive in primitives:
-                names = (str(mesh.get("name")), str(fields.get("name")), self._material(primitive)[0])
-                part, on_body = self._part(primitive, bones, turn, origin)
+                material = self._material(primitive)[0]
+                names = {str(mesh.get("name")), str(fields.get("name")), material}
+                part, on_skin = self._part(primitive, bones, turn, origin)
                 parts.append(part)
-                seen.update(names)
-                is_named = bool({*names} & {*skin_names})
-                on_body_masks.append(on_body & (is_named or not any(map(is_loose, names))))
-                cloth.append(
-                    not is_named if skin_names else any(map(is_cloth, names)) and "skin" not in words(names[2])
+                seen |= names
+                is_named = not names.isdisjoint(skin_names)
+                is_cloth = (
+                    not is_named if skin_names else bool(words(material) & _CLOTH) and "skin" not in words(material)
                 )
+                flags = np.array([[True], [is_cloth], [is_loose(material) and not is_named]])
+                masks.append(flags & on_skin)
         if unknown := [name for name in skin_names if name not in seen]:
             known = ", ".join(sorted(seen - {"None"}))  # "None": of what has no name
             raise InputError(
                 f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
             )
-        if not any(mask.any() for mask in on_body_masks):
-            return tuple(parts), None
-        firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-        on_body = np.concatenate(on_body_masks)
-        new_rows = np.cumsum(on_body) - 1
-        triangles = np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=True)])
-        triangles = new_rows[triangles[on_body[triangles].all(axis=1)]]
-        masked = list(zip(parts, on_body_masks, strict=True))
+        on_skin, is_cloth, is_doubtful = np.concatenate(masks, axis=1)
+        firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         vertices, weights = (
-            np.concatenate([getattr(part, name)[mask] for part, mask in masked]) for name in ("vertices", "weights")
+            np.concatenate([np.empty((0, n)), *(getattr(part, name) for part in parts)])
+            for name, n in (("vertices", 3), ("weights", N_JOINTS))
         )
-        joints = np.concatenate([part.joints[mask] for part, mask in masked])
-        is_clothing = np.concatenate(
-            [np.full(mask.sum(), covers) for mask, covers in zip(on_body_masks, cloth, strict=True)]
+        joints = np.concatenate([np.empty((0, N_JOINTS), np.int64), *(part.joints for part in parts)])
+        triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=False)]
+        points = SkinPoints(
+            vertices, joints, weights, np.concatenate([np.empty((0, 3), np.int64), *triangles]), is_cloth
         )
-        return tuple(parts), SkinPoints(vertices, joints, weights, triangles, is_clothing)
+        return tuple(parts), points.where(on_skin), is_doubtful[on_skin]
 
     def _triangle_primitives(self, mesh: int) -> list[Fields]:
         """Return the primitives of a mesh that are indexed triangles."""
@@ -213,13 +193,15 @@ class MeshReader(SkeletonDocument):
     def _carriers_of(self, rows: Mapping[int, int]) -> dict[int, tuple[int, bool]]:
         """Return node -> the skeleton row of the joint at or above it, -1 for none, and whether it carries skin."""
         carriers: dict[int, tuple[int, bool]] = {}
+        common = frozenset[str]().union(*(words(str(self.nodes[node].get("name"))) for node in rows))
         for node in self.order:
             above = carriers.get(self.parents.get(node, -1), (-1, False))
             row, carries_skin = (rows[node], True) if node in rows else above
             if carries_skin and node not in rows:
-                name = str(self.nodes[node].get("name"))
+                # A node with a mesh is no joint, and what joints with a role are called too names their rig.
+                name = "" if self.nodes[node].get("mesh") is not None else str(self.nodes[node].get("name"))
                 is_named = bool(words(name) & _SKIN_JOINTS) or any(word in name for word in _SKIN_JOINTS_JAPANESE)
-                carries_skin = is_named or not (is_loose(name) or node in self._springs)
+                carries_skin = is_named or not (is_loose(name, common) or node in self._springs)
             carriers[node] = row, carries_skin
         return carriers
 

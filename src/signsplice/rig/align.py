@@ -161,6 +161,7 @@ class Reference:
     placement: placement of its signer.
     held_pose: (J, 4) local rotations that joints without a counterpart hold.
     name: its name, for messages.
+    face_roles: roles of joints that a face moves, not a clip's joints: that they hold their pose is no loss.
     """
 
     skeleton: Skeleton
@@ -168,6 +169,7 @@ class Reference:
     placement: Placement
     held_pose: FloatArray
     name: str
+    face_roles: tuple[str, ...] = ()
 
 
 def reference(first: Clip, fps: float | None = None) -> Reference:
@@ -237,7 +239,7 @@ def _counterpart_warnings(clip: Clip, to: Reference, counterpart: Mapping[int, i
     carried = {*source.role_of}.union(*(path_to_root(clip.skeleton, joint) for joint in counterpart.values()))
     lost = [source.joints[role] for role in find_lost_roles(source.joints, kept, moving)] + sorted(moving - carried)
     carried_roles = {target.role_of.get(joint, "") for joint in counterpart}
-    without = find_lost_roles(target.joints, carried_roles, range(len(to.skeleton)))
+    without = {*find_lost_roles(target.joints, carried_roles, range(len(to.skeleton)))}.difference(to.face_roles)
     held = [
         joint
         for joint in range(len(to.skeleton))

@@ -281,6 +281,8 @@ class Humanoid:
         return MappingProxyType({joint: role for role, joint in self.joints.items()})
 
 
+FACE_BONES = ("leftEye", "rightEye", "jaw")
+"""Roles that a face moves too."""
 OFTEN_STILL = ("Eye", "jaw", "Toes")
 """Ends of roles whose joints most recordings leave at rest: they are lost only where they move."""
 

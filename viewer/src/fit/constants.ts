@@ -81,14 +81,15 @@ export const gltf_mesh = {
   INDEX_BYTES: 64,
   PART_BYTES: 4000,
   JOINT_BYTES: 400,
-  LOOSE: ["acc", "accessories", "accessory", "ahoge", "backpack", "bag", "bangs", "bow", "braid", "cap", "cape", "cloak", "coat", "earring", "earrings", "eyelash", "eyelashes", "glasses", "goggles", "hair", "hat", "helmet", "hood", "horn", "lash", "lashes", "mask", "necklace", "necktie", "outline", "ponytail", "ribbon", "scarf", "skirt", "tail", "twintail", "weapon", "wig", "wing"],
-  CLOTH: ["blouse", "boots", "bottom", "bottoms", "cloth", "clothes", "clothing", "cuff", "cuffs", "dress", "glove", "gloves", "hoodie", "jacket", "jeans", "kimono", "onepiece", "outfit", "pants", "robe", "shirt", "shoe", "shoes", "shorts", "sleeve", "sleeves", "socks", "suit", "sweater", "top", "tops", "trousers", "tshirt", "uniform", "vest", "yukata"],
-  SKIN_JOINTS: ["belly", "boob", "boobs", "breast", "breasts", "bust", "butt", "chichi", "helper", "hip", "hips", "mune", "muscle", "oppai", "roll", "twist"],
-  LOOSE_JAPANESE: ["髪", "スカート", "リボン", "帽", "眼鏡"],
+  LOOSE: ["cape", "glasses", "hair", "hat", "outline", "skirt", "tail", "wing"],
+  CLOTH: ["cloth", "clothes", "clothing", "coat", "dress", "jacket", "outfit", "shirt", "sleeve", "tops"],
+  SKIN_JOINTS: ["breast", "breasts", "bust"],
+  LOOSE_JAPANESE: ["髪", "スカート"],
   SKIN_JOINTS_JAPANESE: ["胸", "乳"],
 } as const;
 
 export const skin_surface = {
+  SIDES: ["left", "right"],
   MIN_POINTS: 6,
   HALF_THICKNESS_M: [0.03, 0.015],
   RELIEF: {
@@ -115,6 +116,10 @@ export const skin_surface = {
     comparison_m: 0.03,
     patch_m: 0.04,
   },
+  TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
+  HEAD: ["head", "jaw", "leftEye", "rightEye"],
+  LIMB_AREAS: {"Shoulder": 0.0005, "UpperArm": 0.008, "LowerArm": 0.008, "Hand": 0.0008, "Fingers": 0.0025, "UpperLeg": 0.015, "LowerLeg": 0.015, "Foot": 0.01},
+  LEAST_AREAS: {"head": 0.015, "neck": 0.003, "chest": 0.025, "spine": 0.006, "hips": 0.015, "leftShoulder": 0.0005, "leftUpperArm": 0.008, "leftLowerArm": 0.008, "leftHand": 0.0008, "leftFingers": 0.0025, "leftUpperLeg": 0.015, "leftLowerLeg": 0.015, "leftFoot": 0.01, "rightShoulder": 0.0005, "rightUpperArm": 0.008, "rightLowerArm": 0.008, "rightHand": 0.0008, "rightFingers": 0.0025, "rightUpperLeg": 0.015, "rightLowerLeg": 0.015, "rightFoot": 0.01},
 } as const;
 
 export const skin = {
@@ -140,7 +145,10 @@ export const skin = {
     shoulder_span: [0.2, 0.93],
     shoulder_radii: [0.035, 0.0325],
   },
+  REGIONS: ["head", "neck", "trunk", "arm", "hand"],
+  HEAD: ["head", "jaw", "leftEye", "rightEye"],
   MIN_POINTS: 6,
+  TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
   FINGERS: ["Thumb", "Index", "Middle", "Ring", "Little"],
   SIDES: ["left", "right"],
   MEASURES: {
@@ -192,9 +200,8 @@ export const skin = {
   },
   BALLS: {"face": 0, "chin": 1, "nose": 2, "skull": 3},
   PROFILE: [["chin", 0, 0.012], ["chin", 1, 0.012], ["face", 0, 0.012], ["face", 1, 0.02]],
-  TRUNK: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder"],
-  HEAD: ["head", "jaw", "leftEye", "rightEye"],
   BODY: ["hips", "spine", "chest", "upperChest", "leftShoulder", "rightShoulder", "head", "jaw", "leftEye", "rightEye", "neck"],
+  REGION_PARTS: {"head": ["head"], "neck": ["neck"], "trunk": ["chest", "spine"]},
   LIMBS: {"arms": ["sleeve", "cuff"], "legs": ["leg"], "neck": ["neck"]},
 } as const;
 
@@ -306,6 +313,7 @@ export const retarget = {
     reach_weight: 60.0,
     signing_activity: 0.5,
   },
+  FACE_BONES: ["leftEye", "rightEye", "jaw"],
   SIDES: ["left", "right"],
   ALIKE: 0.005,
   SHORT: 0.1,

@@ -1,11 +1,10 @@
-/** The vertices of an avatar's meshes that are skin rather than hair, skirts or accessories, as the Python module formats/gltf_mesh
- * finds them. */
+/** The vertices of an avatar's meshes that are skin, as the Python module formats/gltf_mesh finds them. */
 
 import type { VRM } from '@pixiv/three-vrm';
 import { type Matrix4, Mesh, type Object3D, SkinnedMesh, Vector3 } from 'three';
 import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import { gltf_mesh as WORDS } from './constants.js';
-import { SkinPoints } from './points.js';
+import { type Kind, SkinPoints } from './points.js';
 
 const LOOSE: ReadonlySet<string> = new Set(WORDS.LOOSE);
 const CLOTH: ReadonlySet<string> = new Set(WORDS.CLOTH);
@@ -13,13 +12,14 @@ const SKIN_JOINTS: ReadonlySet<string> = new Set(WORDS.SKIN_JOINTS);
 
 interface Node {
   name?: string;
+  mesh?: number;
   children?: number[];
 }
 
 /** The parts of a file's JSON that are read here. */
 interface Document {
   nodes: Node[];
-  meshes: { name?: string; primitives: { material?: number }[] }[];
+  meshes: { primitives: { material?: number }[] }[];
   materials?: { name?: string }[];
   extensions?: {
     VRMC_springBone?: { springs?: { joints?: { node: number }[] }[] };
@@ -43,7 +43,7 @@ export function checkTrees({ nodes = [] }: { nodes?: readonly Node[] }): void {
   throw new Error(`node ${nodes.findIndex((_, node) => !found.has(node))} is its own ancestor, or below such a node`);
 }
 
-/** The vertices of skin of an avatar that stands as it was loaded, carried by bones of these names; ``place`` moves them. */
+/** The vertices of skin, or of what may be skin, of an avatar that stands as it was loaded, carried by bones of these names; ``place`` moves them. */
 export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place: (point: Vector3) => Vector3): SkinPoints {
   const carriers = new Carriers(file, avatar, names);
   const points = new SkinPoints();
@@ -56,10 +56,9 @@ export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place:
     const index = object.geometry.getIndex();
     if (!mesh || !index) return;
     const material = mesh.primitives[primitives]?.material;
-    const called = [mesh.name, carriers.nameAbove(object), material === undefined ? undefined : json.materials?.[material]?.name];
-    if (called.some((name) => isLoose(name ?? ''))) return;
-    const isCloth = called.some((name) => [...words(name ?? '')].some((word) => CLOTH.has(word))) && !words(called[2] ?? '').has('skin');
-    const numbers = addVertices(object, new Set(index.array), carriers, points, place, isCloth);
+    const name = (material === undefined ? undefined : json.materials?.[material]?.name) ?? '';
+    const kind = { isCloth: [...words(name)].some((word) => CLOTH.has(word)) && !words(name).has('skin'), isDoubtful: isLoose(name) };
+    const numbers = addVertices(object, new Set(index.array), carriers, points, place, kind);
     for (let k = 0; k + 2 < index.count; k += 3) {
       const [a, b, c] = [0, 1, 2].map((corner) => numbers.get(index.getX(k + corner)));
       if (a !== undefined && b !== undefined && c !== undefined) points.addTriangle(a, b, c);
@@ -70,7 +69,7 @@ export function skinOf(file: GLTF, avatar: VRM, names: readonly string[], place:
 
 /** Add the vertices of a mesh that are skin; their numbers in the mesh -> in ``points``. */
 function addVertices(
-  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3, isCloth: boolean,
+  mesh: Mesh, used: Set<number>, carriers: Carriers, points: SkinPoints, place: (point: Vector3) => Vector3, kind: Kind,
 ): Map<number, number> {
   const numbers = new Map<number, number>();
   const { position, skinIndex, skinWeight } = mesh.geometry.attributes;
@@ -97,7 +96,7 @@ function addVertices(
       rows.push(carried[bone]!.row ?? 0);
       weights.push(weight);
     });
-    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights, isCloth));
+    if (loose < 0.5) numbers.set(vertex, points.add(place(sum.clone()), rows, weights, kind));
   }
   return numbers;
 }
@@ -109,6 +108,8 @@ class Carriers {
   /** Node -> number of its bone. */
   private readonly rows = new Map<number, number>();
   private readonly springs: Set<number>;
+  /** Words in the names of bones: of their rig. */
+  private readonly common: ReadonlySet<string>;
 
   constructor(private readonly file: GLTF, avatar: VRM, names: readonly string[]) {
     this.json = file.parser.json as Document;
@@ -118,6 +119,7 @@ class Carriers {
       const node = bone && this.numberOf(bone);
       if (typeof node === 'number') this.rows.set(node, row);
     });
+    this.common = new Set([...this.rows.keys()].flatMap((node) => [...words(this.json.nodes[node]!.name ?? '')]));
     const { VRMC_springBone, VRM } = this.json.extensions ?? {};
     this.springs = new Set([
       ...(VRMC_springBone?.springs ?? []).flatMap(({ joints }) => (joints ?? []).map(({ node }) => node)),
@@ -131,17 +133,11 @@ class Carriers {
     for (let node = this.numberOf(object); node !== undefined; node = this.parents.get(node)) {
       const row = this.rows.get(node);
       if (row !== undefined) return { row, isSkin };
-      const name = this.json.nodes[node]!.name ?? '';
+      const { mesh, name = '' } = this.json.nodes[node]!;
       const isNamed = [...words(name)].some((word) => SKIN_JOINTS.has(word)) || WORDS.SKIN_JOINTS_JAPANESE.some((word) => name.includes(word));
-      isSkin &&= isNamed || !(isLoose(name) || this.springs.has(node));
+      isSkin &&= isNamed || !((mesh === undefined && isLoose(name, this.common)) || this.springs.has(node));
     }
     return { row: null, isSkin: false };
-  }
-
-  /** The name in the file of the node at or above an object of the scene. */
-  nameAbove(object: Object3D): string {
-    const node = this.numberOf(object);
-    return node === undefined ? '' : (this.json.nodes[node]!.name ?? '');
   }
 
   /** The number of the node in the file at or above an object of the scene. */
@@ -159,7 +155,7 @@ function words(name: string): Set<string> {
   return new Set((name.match(/[A-Z]?[a-z]+|[A-Z]+/g) ?? []).map((word) => word.toLowerCase()));
 }
 
-/** Whether a name is that of hair, clothing that hangs, or an accessory. */
-function isLoose(name: string): boolean {
-  return [...words(name)].some((word) => LOOSE.has(word)) || WORDS.LOOSE_JAPANESE.some((word) => name.includes(word));
+/** Whether a name, without ``ignored`` words, is that of hair, clothing that hangs, or an accessory. */
+function isLoose(name: string, ignored: ReadonlySet<string> = new Set()): boolean {
+  return [...words(name)].some((word) => LOOSE.has(word) && !ignored.has(word)) || WORDS.LOOSE_JAPANESE.some((word) => name.includes(word));
 }

@@ -18,6 +18,12 @@ export interface SurfacePoint {
   shares: [number, number, number];
 }
 
+/** What the name of a vertex's material tells: clothing, or what may be no skin. */
+export interface Kind {
+  isCloth: boolean;
+  isDoubtful: boolean;
+}
+
 export class SkinPoints {
   private readonly points: Vector3[] = [];
   /** The bones that carry each vertex, and how much. */
@@ -25,16 +31,15 @@ export class SkinPoints {
   /** Bone -> the vertices that it carries, and how much. */
   private readonly carried = new Map<number, { vertex: number; weight: number }[]>();
 
-  /** The vertices on clothing. */
-  private readonly cloth = new Set<number>();
+  private readonly kinds: Kind[] = [];
 
   private readonly triangles: [number, number, number][] = [];
 
   /** The number of a vertex that is added; bones of these numbers carry it, so much. */
-  add(point: Vector3, bones: number[], weights: number[], isCloth: boolean): number {
+  add(point: Vector3, bones: number[], weights: number[], kind: Kind): number {
     const vertex = this.points.push(point) - 1;
     this.carriers.push({ bones, weights });
-    if (isCloth) this.cloth.add(vertex);
+    this.kinds.push(kind);
     bones.forEach((bone, k) => {
       if (!this.carried.has(bone)) this.carried.set(bone, []);
       this.carried.get(bone)!.push({ vertex, weight: weights[k]! });
@@ -47,6 +52,32 @@ export class SkinPoints {
     this.triangles.push([a, b, c]);
   }
 
+  /**
+   * The same without doubtful vertices on parts of the body with enough other skin; the part to which a bone belongs, and the least
+   * area of each part.
+   */
+  withoutDoubtful(partOf: (bone: number) => string, least: ReadonlyMap<string, number>): SkinPoints {
+    const parts = this.carriers.map(({ bones, weights }) => partOf(bones[weights.indexOf(Math.max(...weights))]!));
+    const areas = new Map<string, number>();
+    for (const [first, second, third] of this.triangles) {
+      if (this.kinds[first]!.isDoubtful) continue;
+      const [a, b, c] = [first, second, third].map((vertex) => this.points[vertex]!) as [Vector3, Vector3, Vector3];
+      const area = 0.5 * b.clone().sub(a).cross(c.clone().sub(a)).length();
+      areas.set(parts[first]!, (areas.get(parts[first]!) ?? 0) + area);
+    }
+    const kept = new SkinPoints();
+    const numbers = this.points.map((point, vertex) => {
+      const [part, kind, { bones, weights }] = [parts[vertex]!, this.kinds[vertex]!, this.carriers[vertex]!];
+      const isKept = !kind.isDoubtful || (areas.get(part) ?? 0) < least.get(part)!;
+      return isKept ? kept.add(point, bones, weights, kind) : -1;
+    });
+    for (const [first, second, third] of this.triangles) {
+      const [a, b, c] = [numbers[first]!, numbers[second]!, numbers[third]!];
+      if (Math.min(a, b, c) >= 0) kept.addTriangle(a, b, c);
+    }
+    return kept;
+  }
+
   /** The vertices that these bones carry together, by half or more: of bare skin where enough of it is modelled, else of clothes too. */
   of(bones: number[]): Vector3[] {
     return [...this.numbersOf(bones, true)].map((vertex) => this.points[vertex]!);
@@ -56,7 +87,7 @@ export class SkinPoints {
     const sums = new Map<number, number>();
     for (const { vertex, weight } of bones.flatMap((bone) => this.carried.get(bone) ?? [])) sums.set(vertex, (sums.get(vertex) ?? 0) + weight);
     const own = [...sums].flatMap(([vertex, sum]) => (sum >= SURFACE.owned_weight ? [vertex] : []));
-    const bare = isBare ? own.filter((vertex) => !this.cloth.has(vertex)) : [];
+    const bare = isBare ? own.filter((vertex) => !this.kinds[vertex]!.isCloth) : [];
     return new Set(bare.length >= SURFACE.bare_multiple * MIN_POINTS ? bare : own);
   }
 

@@ -7,7 +7,7 @@ import { type Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
 import { type Bone, restPositions, SIDES } from './body.js';
 import { type UsualCapsule, statureOf } from './capsules.js';
-import { capsules as HANDS, skin as SKIN } from './constants.js';
+import { capsules as HANDS, skin as SKIN, skin_surface as POINTS } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
 import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
@@ -15,6 +15,7 @@ import { Relief } from './relief.js';
 import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
 const { TRUNK, HEAD, BODY, MEASURES, TRUNK_SIZES } = SKIN;
+const { LEAST_AREAS } = POINTS;
 const FINGER = new RegExp(`(${HANDS.FINGERS.join('|')})(${HANDS.SEGMENTS.join('|')})$`);
 
 interface Piece extends Shape {
@@ -49,11 +50,14 @@ class Fitting {
   private readonly number: Map<string, number>;
   private readonly pieces: Piece[];
   private readonly height: number;
+  private readonly points: SkinPoints;
 
-  constructor(private readonly bones: Bone[], private readonly toTPose: Quaternion[], usual: UsualCapsule[], private readonly points: SkinPoints) {
+  constructor(private readonly bones: Bone[], private readonly toTPose: Quaternion[], usual: UsualCapsule[], points: SkinPoints) {
     this.rest = restPositions(bones);
     this.number = new Map(bones.map(({ name }, k) => [name, k]));
     this.height = statureOf(bones);
+    const least = new Map(Object.entries(LEAST_AREAS).map(([part, area]) => [part, area * this.height ** 2]));
+    this.points = points.withoutDoubtful((bone) => partOf(bones[bone]!.name), least);
     this.pieces = usual.map((one) => {
       const bone = this.number.get(one.bone)!;
       const [start, end] = [one.start, one.end].map((end) => this.fromTPose(new Vector3(...end), bone)) as [Vector3, Vector3];
@@ -313,6 +317,14 @@ class Fitting {
       Object.assign(piece, { start: start.add(joint), end: end.add(joint), radii });
     });
   }
+}
+
+/** The part of the body, of ``LEAST_AREAS``, to which a bone belongs. */
+function partOf(name: string): string {
+  if (name in LEAST_AREAS) return name;
+  if ((HEAD as readonly string[]).includes(name)) return 'head';
+  if ((TRUNK as readonly string[]).includes(name)) return 'chest';
+  return (name.startsWith('left') ? 'left' : 'right') + (name.endsWith('Toes') ? 'Foot' : 'Fingers');
 }
 
 /**
