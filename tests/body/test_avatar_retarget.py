@@ -15,7 +15,7 @@ import signsplice as ss
 from signsplice.body import skin_surface
 from signsplice.body.capsules import Avatar, body_capsules
 from signsplice.body.contacts import pose_body
-from signsplice.body.skin_surface import Relief, SkinPoints
+from signsplice.body.skin_surface import SkinPoints
 from signsplice.cli.commands import app
 from signsplice.lexicon import open_shipped_lexicon
 from signsplice.rig.align import copy_rotations, reference
@@ -68,39 +68,14 @@ def test_an_avatar_of_the_same_bones_has_its_own_skin(folder: Path) -> None:
     assert ss.retarget(clip, avatar).clip is clip, "its own body: nothing does"
 
 
-def relief(points: np.ndarray) -> Relief:
-    """A surface over a capsule of radius 0.1 along x, and another capsule inside of it."""
-    return Relief(
-        points,
-        np.tile([0.0, 1.0, 0.0], (len(points), 1)),
-        np.array([0, 2]),
-        np.array([[-0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]),
-        np.array([[0.2, 0.0, 0.0], [0.1, 0.0, 0.0]]),
-        np.array([[0.1, 0.1], [0.05, 0.05]]),
-        np.zeros((3, 3)),
-    )
-
-
-def test_the_height_of_skin_above_a_capsule() -> None:
-    x, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.1, 0.1, 41), np.linspace(-0.1, 0.1, 41)))
-    made = relief(np.stack([x, np.full_like(x, 0.12), z], axis=1))
-    places = np.array([[0.0, 0.1, 0.0], [0.05, 0.05, 0.0], [0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
-    up = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-    found = made.heights(np.array([0, 2, 1, 0]), places, up)
-    np.testing.assert_allclose(found, [0.02, 0.0, 0.0, 0.0], atol=1e-9)
-
-
 def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
     """A breastplate of 2 cm over the chest's capsules: the hand of MY comes to lie on it."""
     avatar, clip = ss.read_avatar(folder / "narrow.vrm"), open_shipped_lexicon().clip("MY")
     assert avatar.body is not None
-    raised, skin = avatar.body.relief, avatar.body.skin
-    assert raised is not None
+    skin = avatar.body.skin
     assert skin is not None
-    plated = replace(raised, points=raised.points + 0.02 * raised.normals)
     plate = replace(skin, body=replace(skin.body, points=skin.body.points + 0.02 * skin.body.normals))
-    bodies = {"bare": avatar.body, "relief": replace(avatar.body, relief=plated, skin=None),
-              "skin": replace(avatar.body, skin=plate)}  # fmt: skip
+    bodies = {"bare": avatar.body, "plated": replace(avatar.body, skin=plate)}
     distances = {}
     for name, body in bodies.items():
         onto = replace(avatar, body=body)
@@ -108,8 +83,7 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
         chest, palm = (posed.body.keys.index(key) for key in ("chest1", "rightMiddlePalm"))
         middle = 0.5 * (posed.starts + posed.ends)
         distances[name] = np.linalg.norm(middle[32, palm] - middle[32, chest])
-    assert 0.012 < distances["relief"] - distances["bare"] < 0.03
-    assert 0.009 < distances["skin"] - distances["bare"] < 0.03
+    assert 0.009 < distances["plated"] - distances["bare"] < 0.03
 
 
 @pytest.mark.parametrize("gloss", ["PLEASE", "FRIEND"])
@@ -127,7 +101,7 @@ def test_skin_moves_hands_smoothly_and_only_where_they_touch(folder: Path) -> No
     (on_skin, _), (before, _) = (arm_ends(ss.retarget(clip, onto).clip) for onto in (avatar, plain))
     moved = np.linalg.norm(on_skin - before, axis=-1)
     assert 0.002 < moved.max() < 0.03
-    assert moved[[0, -1]].max() < 5e-4, "where arms hang"
+    assert moved[[0, -1]].max() < 1e-3, "where arms hang"
     steps = [np.linalg.norm(np.diff(wrists, 2, axis=0), axis=-1).max() for wrists in (on_skin, before)]
     assert steps[0] < 1.25 * steps[1]
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.skin_surface import AvatarSkin, Relief
+from signsplice.body.skin_surface import AvatarSkin
 from signsplice.motion import FloatArray, Skeleton, rotation
 from signsplice.motion.clip import HasDerived
 from signsplice.motion.face import LookAt
@@ -310,7 +310,6 @@ class BodyCapsules(HasDerived):
     parts: kind of each ("face", "sleeve", "Index", ...).
     sides: "left", "right" or "".
     keys: name of each, the same on every body ("leftIndexProximal", "chest1", ...).
-    relief: height of the skin of head and trunk above these capsules; None if the capsules are the skin.
     skin: points of skin that follow the joints; None without a mesh.
     guessed_regions: regions that hands touch (``contacts.REGIONS``) of an avatar whose skin there cannot be read.
     """
@@ -322,7 +321,6 @@ class BodyCapsules(HasDerived):
     parts: tuple[str, ...]
     sides: tuple[str, ...]
     keys: tuple[str, ...]
-    relief: Relief | None = None
     skin: AvatarSkin | None = None
     guessed_regions: frozenset[str] = frozenset()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from signsplice.body.capsules import BodyCapsules, capsule_ends
-from signsplice.body.collision import Near, SkinPairs, pair_clearances
+from signsplice.body.collision import Near, SkinPairs
 from signsplice.motion import Clip, FloatArray, kinematics
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import SIDES
@@ -25,7 +25,6 @@ class PosedBody:
     radii: (C, 2).
     shoulders, wrists: (T, 2, 3) left and right.
     arm_lengths: (2,) upper arm and forearm together.
-    relief_rotations: (T, K, 3, 3) rotations of the K capsules under the body's relief; None without relief.
     """
 
     body: BodyCapsules
@@ -35,33 +34,12 @@ class PosedBody:
     shoulders: FloatArray
     wrists: FloatArray
     arm_lengths: FloatArray
-    relief_rotations: FloatArray | None = None
 
     @property
     def palm_length(self) -> float:
         """The median length of the palms' capsules in the first frame, m."""
         palms = [n for n, part in enumerate(self.body.parts) if part == "palm"]
         return float(np.median(np.linalg.norm(self.ends[0, palms] - self.starts[0, palms], axis=-1)))
-
-    def heights(self, pairs: SkinPairs, near: Near) -> FloatArray:
-        """Returns how far (N,) an avatar's skin lies above the head's or trunk's capsule of near pairs, at the point
-        nearest to the hand, m; 0 if the capsules are the skin.
-        """
-        relief, body, heights = self.body.relief, self.body, np.zeros(len(near.k))
-        if relief is None or self.relief_rotations is None:
-            return heights
-        on_relief = np.flatnonzero(np.isin(pairs.other[near.k], relief.rows))
-        frames, k = near.frames[on_relief], near.k[on_relief]
-        rows = pairs.other[k]
-        clearances = pair_clearances(self.starts, self.ends, self.radii, pairs, frames, k)
-        outward = np.einsum(
-            "nba,nb->na", self.relief_rotations[frames, np.searchsorted(relief.rows, rows)], clearances.normals
-        )
-        radius = body.radii[rows, 0] + clearances.other_at * (body.radii[rows, 1] - body.radii[rows, 0])
-        axis_offset = clearances.other_at[:, None] * (body.ends - body.starts)[rows]
-        points = body.starts[rows] + axis_offset + radius[:, None] * outward
-        heights[on_relief] = relief.heights(rows, points, outward) * (self.radii[0, 0] / body.radii[0, 0])
-        return heights
 
     def with_arms(self, elbows: FloatArray, wrists: FloatArray) -> PosedBody:
         """Returns the body with these elbows and wrists (T, 2, 3); hands keep their rotations."""
@@ -89,10 +67,7 @@ def pose_body(clip: Clip, body: BodyCapsules) -> PosedBody:
     joints = info.arm_joints
     shoulders, elbows, wrists = (metres * positions[:, [joints[k], joints[3 + k]]] for k in range(3))
     lengths = np.linalg.norm(elbows[0] - shoulders[0], axis=-1) + np.linalg.norm(wrists[0] - elbows[0], axis=-1)
-    relief_rotations = None if body.relief is None else rotations[:, body.joints[body.relief.rows]]
-    return PosedBody(
-        body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths, relief_rotations
-    )
+    return PosedBody(body, metres * starts, metres * ends, metres * body.radii, shoulders, wrists, lengths)
 
 
 TOUCH_M = 0.005

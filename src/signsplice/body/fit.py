@@ -51,9 +51,9 @@ class WristSettings:
     smoothness_fps: float = 30.0
     """Frame rate to which ``smoothness`` refers, Hz."""
     steps: int = 4
-    """Gauss-Newton steps of the first solution, and of a refinement on a body with relief."""
-    capsule_steps: int = 2
-    """Gauss-Newton steps of a refinement on a body without relief."""
+    """Gauss-Newton steps of the first solution."""
+    refining_steps: int = 2
+    """Gauss-Newton steps of a refinement."""
     damping: float = 10.0
     """Weight that ties moves to those of the step before: contacts that come and go would make them swing."""
     reach: float = 0.985
@@ -189,14 +189,10 @@ class Fit:
     def refine(self, moved: PosedBody) -> FloatArray:
         """Returns refined moves, from ``moved``: the body with the arms after the moves so far."""
         base = moved.wrists - self.carried.wrists
-        heights = moved.heights(self.pairs[1], self.near)
-        steps = WRISTS.capsule_steps if moved.body.relief is None else WRISTS.steps
-        return self._solve_contacts(base, moved, base, steps, heights)
+        return self._solve_contacts(base, moved, base, WRISTS.refining_steps)
 
-    def _solve_contacts(
-        self, m: FloatArray, posed: PosedBody, base: FloatArray, steps: int, heights: FloatArray | float = 0.0
-    ) -> FloatArray:
-        contacts = _Contacts(self.pairs[1], self.near, posed, base, heights)
+    def _solve_contacts(self, m: FloatArray, posed: PosedBody, base: FloatArray, steps: int) -> FloatArray:
+        contacts = _Contacts(self.pairs[1], self.near, posed, base)
         for _ in range(steps):
             m = self._step(m, contacts)
         return m
@@ -325,14 +321,9 @@ def _near_contacts(fit: Fit, m: FloatArray) -> Near:
 
 
 class _Contacts:
-    """The near pairs on a body whose wrists have moved by ``base`` in ``posed``.
+    """The near pairs on a body whose wrists have moved by ``base`` in ``posed``."""
 
-    heights: (N,) of its skin above the other capsule of each pair.
-    """
-
-    def __init__(
-        self, target_pairs: SkinPairs, near: Near, posed: PosedBody, base: FloatArray, heights: FloatArray | float
-    ) -> None:
+    def __init__(self, target_pairs: SkinPairs, near: Near, posed: PosedBody, base: FloatArray) -> None:
         self.frames, k, self.then = near.frames, near.k, near.distance
         first, last, _ = _wrist_weights(posed.body)
         own_rows, other_rows = target_pairs.own[k], target_pairs.other[k]
@@ -347,7 +338,7 @@ class _Contacts:
         touching = self.then < CONTACTS.touch_distance_m
         # A pair that lies deep at the source has no skin to touch: it may stay as deep, with less weight.
         off = np.maximum(np.abs(self.then + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0.0)
-        self._wanted = self._allowed = np.minimum(self.then, CONTACTS.clearance_m) + heights
+        self._wanted = self._allowed = np.minimum(self.then, CONTACTS.clearance_m)
         self._held = np.where(touching, CONTACTS.weight * np.exp(-off / CONTACTS.fade_m), 0.0)
 
     def add(self, m: FloatArray, block: FloatArray, rhs: FloatArray) -> None:

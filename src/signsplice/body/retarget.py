@@ -246,7 +246,6 @@ def _contacts(fit: Fit, posed: PosedBody, start: int, on_skin: SkinFit | None) -
     shown = (pairs.distance < SEPARATION_M) & (activity > WRISTS.signing_activity)
     pairs = Near(pairs.frames[shown], pairs.k[shown], pairs.distance[shown])
     after = pair_clearances(posed.starts, posed.ends, posed.radii, target_pairs, pairs.frames, pairs.k).distance
-    after -= posed.heights(target_pairs, pairs)
     after = after if on_skin is None else on_skin.distances(source_pairs, pairs, after)
     guessed = fit.carried.body.guessed_regions
     contacts = find_contacts(fit.source.body, source_pairs, pairs, after, fit.n_frames, guessed)

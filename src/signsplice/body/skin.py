@@ -26,7 +26,6 @@ from signsplice.body.skin_surface import (
     MIN_POINTS,
     TRUNK,
     AvatarSkin,
-    Relief,
     SkinPoints,
     quantile,
     surface,
@@ -398,21 +397,8 @@ class _Fitting:
     def body(self) -> BodyCapsules:
         """Returns the current capsules."""
         rest = self.rest[self.usual.joints]
-        starts, ends, origins = (self.starts - rest) @ self._turn, (self.ends - rest) @ self._turn, rest @ self._turn
-        body = replace(self.usual, starts=starts, ends=ends, radii=self.radii)
-        joints = [self.roles[role] for role in BODY if role in self.roles]
-        points, normals = self.points.surface(joints, _MEASURES.point_spacing * self.height)
-        cells = np.floor(points / (_MEASURES.point_spacing * self.height)).astype(np.int64)
-        one_each = np.unique(cells, axis=0, return_index=True)[1]
-        points, normals = points[one_each], normals[one_each]
-        if not len(points):
-            return body
-        rows = np.sort(np.array([*body.groups.head, *body.groups.trunk], np.intp))
-        base, turn = origins[rows], self._turn
-        relief = Relief(
-            points @ turn, normals @ turn, rows, base + starts[rows], base + ends[rows], self.radii[rows], origins
-        )
-        return replace(body, relief=relief)
+        starts, ends = (self.starts - rest) @ self._turn, (self.ends - rest) @ self._turn
+        return replace(self.usual, starts=starts, ends=ends, radii=self.radii)
 
     # --- limbs, neck, fingers ---
 

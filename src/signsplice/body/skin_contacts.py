@@ -1,6 +1,6 @@
 """Hands on an avatar's posed skin: the last moves of its wrists, after the fit to its capsules.
 
-Capsules and the relief above them locate skin to a centimetre, its mesh to a millimetre. In every frame in which a hand
+Capsules locate skin to a centimetre, its mesh to a millimetre. In every frame in which a hand
 is close to head, neck, trunk or the other hand, the fit compares points of both skins, posed by linear blend skinning
 as in players. Moves d of both wrists bring the least height s of the hand's points above the other skin, along its
 normal n, to the clearance at the source, c*:

@@ -1,30 +1,16 @@
-"""An avatar's skin: its vertices, points on it that follow the joints as players move them, and its height above the
-avatar's capsules, which are smoother than bodies.
-
-The height at a place p of a capsule with outward direction n is that of the mesh along n: over the surface points v
-nearby, in the rest pose, with h = (v - p) . n and r their distance from the line through p along n,
-
-    height = sum w h / sum w,  w = (1 - r^2 / R^2)^2 exp(h / s)
-
-so that the outermost decides. Places in another capsule are not skin: their height fades to 0.
-"""
+"""An avatar's skin: its vertices, and points on it that follow the joints as players move them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.motion import FloatArray
 from signsplice.rig.roles import SIDES
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
 
 Index = NDArray[np.intp]
 
@@ -34,27 +20,6 @@ HALF_THICKNESS_M = (0.03, 0.015)
 """Half the thickness of the body, and of a hand, m: a point deeper than that under the nearest skin sees it from
 behind, through the end of an open mesh.
 """
-
-
-@dataclass(frozen=True)
-class ReliefSettings:
-    """Distances of the height of skin above capsules."""
-
-    line_distance_m: float = 0.015
-    """R: distance from the line within which surface points count, m."""
-    outermost_fade_m: float = 0.005
-    """s: depth below the outermost surface point over which a point's weight falls by a factor e, m."""
-    place_distance_m: float = 0.05
-    """Largest distance from the place at which surface points count, m."""
-    nearest_points: int = 64
-    """Largest number of surface points that count."""
-    hidden_depth_m: float = 0.008
-    """Depth in another capsule from which on a place is not skin, m."""
-    visible_depth_m: float = 0.003
-    """Depth in another capsule up to which a place is fully skin, m."""
-
-
-_RELIEF = ReliefSettings()
 
 
 @dataclass(frozen=True)
@@ -92,75 +57,6 @@ class SurfaceSettings:
 
 
 _SURFACE = SurfaceSettings()
-
-
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """The surface of an avatar's head, neck and trunk, in its rest pose, m.
-
-    points, normals: (S, 3) of the surface.
-    rows: (K,) capsules under it, as rows of the body's C capsules.
-    starts, ends: (K, 3) of their axes.
-    radii: (K, 2) at start and end.
-    origins: (C, 3) places of the joints that carry the body's capsules.
-    """
-
-    points: FloatArray
-    normals: FloatArray
-    rows: Index
-    starts: FloatArray
-    ends: FloatArray
-    radii: FloatArray
-    origins: FloatArray
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        from scipy.spatial import cKDTree  # takes as long to import as a small clip to convert; only avatars need it
-
-        return cKDTree(self.points)
-
-    def heights(self, rows: Index, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Returns heights (N,) of the skin above capsules ``rows`` (N,) at points (N, 3) on them with outward
-        directions (N, 3), both relative to their joints, m; 0 for capsules that are not under the surface.
-        """
-        heights = np.zeros(len(rows))
-        on_relief = np.flatnonzero(np.isin(rows, self.rows))
-        for start in range(0, len(on_relief), _SURFACE.chunk):
-            part = on_relief[start : start + _SURFACE.chunk]
-            rest_points = points[part] + self.origins[rows[part]]
-            share = self._visible(rows[part], rest_points)
-            seen = np.flatnonzero(share)
-            heights[part[seen]] = share[seen] * self._above(rest_points[seen], directions[part[seen]])
-        return heights
-
-    def _above(self, points: FloatArray, directions: FloatArray) -> FloatArray:
-        """Returns heights (N,) of the mesh above points (N, 3) along directions (N, 3), m; 0 where it is not near."""
-        distances, index = self._tree.query(
-            points, _RELIEF.nearest_points, distance_upper_bound=_RELIEF.place_distance_m
-        )
-        met = np.isfinite(distances)
-        index = np.where(met, index, 0)
-        offsets = self.points.take(index, axis=0) - points[:, None]
-        height = np.einsum("nkx,nx->nk", offsets, directions)
-        ratio = np.maximum(np.einsum("nkx,nkx->nk", offsets, offsets) - height**2, 0.0) / _RELIEF.line_distance_m**2
-        row, column = np.nonzero(met & (ratio < 1.0))
-        height = height[row, column]
-        faces = np.einsum("nx,nx->n", self.normals[index[row, column]], directions[row]) > _SURFACE.facing_cosine
-        weight = faces * (1.0 - ratio[row, column]) ** 2 * np.exp(height / _RELIEF.outermost_fade_m)
-        total, sums = (np.bincount(row, values, len(points)) for values in (weight, weight * height))
-        return np.asarray(sums / np.where(total > 0.0, total, 1.0))
-
-    def _visible(self, rows: Index, points: FloatArray) -> FloatArray:
-        """Returns the share (N,) of each place that is skin: 1 outside all other capsules, 0 within one."""
-        axis = self.ends - self.starts
-        from_start = points[:, None] - self.starts
-        t = np.einsum("nkx,kx->nk", from_start, axis) / (np.einsum("kx,kx->k", axis, axis) + 1e-12)
-        t = np.clip(t, 0.0, 1.0)
-        distances = np.linalg.norm(from_start - t[..., None] * axis, axis=-1)
-        depth = self.radii[:, 0] + t * (self.radii[:, 1] - self.radii[:, 0]) - distances
-        depth[rows[:, None] == self.rows] = 0.0
-        hidden, visible = _RELIEF.hidden_depth_m, _RELIEF.visible_depth_m
-        return np.asarray(np.clip((hidden - depth.max(axis=1)) / (hidden - visible), 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,8 +121,8 @@ export function bodyOf(file: GLTF, avatar: VRM): AvatarBody {
     bones: atRest.map(({ name, parent, offset }) => ({ name, parent, offset: offset.clone().applyQuaternion(upright) })),
     toTPose: toTPose.map((turn) => turn.clone().multiply(upright.clone().invert())),
   };
-  const { capsules, relief, skin } = fitSkin(stood, usual, points);
-  return { ...makeBody(bones, capsules, relief, skin), toTPose };
+  const { capsules, skin } = fitSkin(stood, usual, points);
+  return { ...makeBody(bones, capsules, skin), toTPose };
 }
 
 /** Nodes below the last joint of a finger, from that joint. */

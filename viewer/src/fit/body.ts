@@ -2,7 +2,6 @@
 
 import { Quaternion, Vector3 } from 'three';
 import type { FitCapsule } from '../wire.js';
-import type { Relief } from './relief.js';
 import type { AvatarSkin } from './skin_surface.js';
 
 /** A bone of a humanoid. */
@@ -21,8 +20,6 @@ export interface Body {
   capsules: FitCapsule[];
   /** Median length of the palms' capsules, m. */
   handLength: number;
-  /** How its skin lies above the capsules of head and trunk; null where they are the skin. */
-  relief: Relief | null;
   /** Its mesh where hands meet it; null where that is not known. */
   skin: AvatarSkin | null;
 }
@@ -32,9 +29,9 @@ export type Rotations = Map<string, Float64Array>;
 
 export const SIDES = ['left', 'right'] as const;
 
-export function makeBody(bones: Bone[], capsules: FitCapsule[], relief: Relief | null = null, skin: AvatarSkin | null = null): Body {
+export function makeBody(bones: Bone[], capsules: FitCapsule[], skin: AvatarSkin | null = null): Body {
   const palms = capsules.filter(({ key }) => /(Palm|Mitten)$/.test(key)).map(lengthOf);
-  return { bones, capsules, handLength: median(palms), relief, skin };
+  return { bones, capsules, handLength: median(palms), skin };
 }
 
 export function lengthOf({ start, end }: FitCapsule): number {

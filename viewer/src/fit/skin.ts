@@ -10,8 +10,7 @@ import { type UsualCapsule, statureOf } from './capsules.js';
 import { capsules as HANDS, skin as SKIN, skin_surface as POINTS } from './constants.js';
 import { clip } from './gaps.js';
 import { fitHead, type Shape } from './head.js';
-import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint, thinned } from './points.js';
-import { Relief } from './relief.js';
+import { around, line, MIN_POINTS, quantile, type SkinPoints, type SurfacePoint } from './points.js';
 import { type AvatarSkin, skinSurface } from './skin_surface.js';
 
 const { TRUNK, HEAD, BODY, MEASURES, TRUNK_SIZES } = SKIN;
@@ -31,18 +30,18 @@ export interface Standing {
 }
 
 /**
- * Capsules in the T-pose, fitted to vertices of an avatar that stands at rest, how its skin lies above them, and that skin;
+ * Capsules in the T-pose, fitted to vertices of an avatar that stands at rest, and its skin;
  * ``usual``: in the T-pose too.
  */
 export function fitSkin(
   { bones, toTPose }: Standing, usual: UsualCapsule[], points: SkinPoints,
-): { capsules: FitCapsule[]; relief: Relief | null; skin: AvatarSkin | null } {
+): { capsules: FitCapsule[]; skin: AvatarSkin | null } {
   const fitting = new Fitting(bones, toTPose, usual, points);
   for (const side of SIDES) fitting.hand(side);
   fitting.limbs();
   fitting.trunk();
   fitting.head();
-  return { capsules: fitting.capsules(), relief: fitting.relief(), skin: fitting.skin() };
+  return { capsules: fitting.capsules(), skin: fitting.skin() };
 }
 
 class Fitting {
@@ -71,17 +70,6 @@ class Fitting {
       const [from, to] = [start, end].map((end) => end.clone().sub(this.rest[bone]!).applyQuaternion(this.toTPose[bone]!));
       return { ...usual, start: from!.toArray(), end: to!.toArray(), radii };
     });
-  }
-
-  /** How the skin of head, neck and trunk lies above their capsules; null where there is none. */
-  relief(): Relief | null {
-    const surface = thinned(this.surface(...TRUNK, ...HEAD, 'neck'), MEASURES.point_spacing * this.height);
-    if (!surface.length) return null;
-    const solid = this.pieces.filter(({ usual }) => usual.region === 'head' || usual.region === 'trunk');
-    const under = solid.map(({ usual, bone, start, end, radii }) => ({
-      key: usual.key, start, end, radii, fromTPose: this.toTPose[bone]!.clone().invert(),
-    }));
-    return new Relief(surface, under);
   }
 
   /** The skin of hands, head, neck and trunk; null where one of these has none. */

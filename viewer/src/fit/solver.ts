@@ -3,7 +3,6 @@
  * module body/fit, which says what is sought and why.
  */
 
-import { Quaternion, Vector3 } from 'three';
 import { Band, secondDifferences } from './band.js';
 import { Posed } from './body.js';
 import { fit as FIT } from './constants.js';
@@ -20,8 +19,6 @@ interface Near {
   other: number[];
   /** Skin distances at the source, m. */
   distances: number[];
-  /** How far the skin lies above the other capsule, where they are nearest, m. */
-  heights: number[];
 }
 
 /** Moves of both wrists, left x y z, right x y z, frame by frame, m. */
@@ -38,7 +35,7 @@ export class Fit {
   private readonly pairs: Pairs;
   private readonly first: number[];
   private readonly last: number[];
-  readonly near: Near = { frames: [], own: [], other: [], distances: [], heights: [] };
+  readonly near: Near = { frames: [], own: [], other: [], distances: [] };
   private readonly places: Places;
 
   /** ``signing``: how much each arm signs, left and right, frame by frame. */
@@ -77,24 +74,7 @@ export class Fit {
         for (let x = 0; x < 3; x++) base[6 * t + 3 * side + x] = moved.arms[at + x]! - this.carried.arms[at + x]!;
       }
     }
-    yield* this.measureHeights(moved);
-    return yield* this.touched(base, moved, base, moved.body.relief ? WRISTS.steps : WRISTS.capsule_steps);
-  }
-
-  private *measureHeights(posed: Posed): Generator<void, void> {
-    const { near, sides } = this;
-    const { relief, capsules } = posed.body;
-    if (!relief) return;
-    const [turn, direction] = [new Quaternion(), new Vector3()];
-    for (let k = 0; k < near.frames.length; k++) {
-      if (k % 256 === 255) yield;
-      const [t, other] = [near.frames[k]!, near.other[k]!];
-      if (sides[other]! >= 0) continue;
-      gapBetween(posed, t, near.own[k]!, other);
-      const at = gap.otherAt;
-      turn.fromArray(posed.rotations.get(capsules[other]!.bone)!, 4 * (posed.from + t)).invert();
-      near.heights[k] = relief.height(capsules[other]!.key, at, direction.fromArray(gap.normal).applyQuaternion(turn));
-    }
+    return yield* this.touched(base, moved, base, WRISTS.refining_steps);
   }
 
   // --- the linear stage ---
@@ -163,7 +143,6 @@ export class Fit {
         near.own.push(pairs.own[k]!);
         near.other.push(pairs.other[k]!);
         near.distances.push(then);
-        near.heights.push(0);
       }
     }
   }
@@ -220,7 +199,7 @@ export class Fit {
       fill(0, t, own);
       fill(6, t, other);
       skinGap(capsules, radii[2 * own]!, radii[2 * own + 1]!, radii[2 * other]!, radii[2 * other + 1]!);
-      const wanted = Math.min(then, CONTACTS.clearance_m) + near.heights[k]!;
+      const wanted = Math.min(then, CONTACTS.clearance_m);
       // A pair that lies deep at the source has no skin to touch: it may lie as deep, and is held the less.
       const off = Math.max(Math.abs(then + 0.5 * CONTACTS.press_depth_m) - 0.5 * CONTACTS.press_depth_m, 0);
       const held = then < CONTACTS.touch_distance_m ? CONTACTS.weight * Math.exp(-off / CONTACTS.fade_m) : 0;
