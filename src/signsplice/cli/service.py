@@ -107,7 +107,7 @@ def view(
         raise InputError(f"{len(files)} files, expected one, or two to compare")
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
-    from signsplice.formats import atomic, glb
+    from signsplice.formats import WIRE_FORMATS, atomic, glb
     from signsplice.splicing import report as splice_reports
 
     if output is not None:
@@ -130,7 +130,8 @@ def view(
         retargeted = [retarget(clip, body) for clip in parsed]
         warn([line for done in retargeted for line in done.warnings])
         clips, figures = [done.clip for done in retargeted], []
-    scenes = [scene.from_clip(*shown) for shown in zip_longest(clips, parsed_reports, figures)]
+    rows = zip_longest(clips, parsed_reports, figures)
+    scenes = [scene.from_clip(clip, report, WIRE_FORMATS, figure) for clip, report, figure in rows]
     text = page.html(scenes, live=output is None)
     if output is not None:
         atomic.write(output, text)

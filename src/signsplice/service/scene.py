@@ -43,7 +43,9 @@ def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False
     return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
-def from_clip(clip: Clip, report: Mapping[str, Any] | None, figure: bytes | None = None) -> dict[str, Any]:
+def from_clip(
+    clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format], figure: bytes | None = None
+) -> dict[str, Any]:
     """Return a clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign.
     ``figure``: the .glb that shows the clip, in place of one with the mannequin.
     """
@@ -52,7 +54,7 @@ def from_clip(clip: Clip, report: Mapping[str, Any] | None, figure: bytes | None
         spans = (Span("sign", 0, clip.name, all_frames, all_frames),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    scene = splice_response(clip, report, WIRE_FORMATS)
+    scene = splice_response(clip, report, formats)
     if figure is not None:
         scene["files"]["glb"] = base64.b64encode(figure).decode("ascii")
     return scene
