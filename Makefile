@@ -17,6 +17,7 @@ COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 
 .PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lowest lock bench fuzz words corpus measured smoke paper weights clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet, a report and an avatar in out/demo
+	@$(MAKE) --no-print-directory viewer || echo "the viewer is not built: \`view\` needs it"
 	@$(BIN)/signsplice demo --out out/demo
 
 test: lint types unit          ## style, types and the fast tests: minutes on two cores

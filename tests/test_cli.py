@@ -25,6 +25,7 @@ from signsplice.formats.avatar import read_avatar
 from signsplice.motion import Clip, rotation
 from signsplice.render import film
 from signsplice.rig.info import active_span, arms, rig_info
+from signsplice.service import page
 
 Run = subprocess.CompletedProcess[str]
 Call = Callable[..., Run]
@@ -355,7 +356,7 @@ def test_a_wrong_rate_is_corrected_by_every_command_that_reads_files(folder: Pat
         ("inbetween", "wrong.bvh", "--gap", "10:14", "-o", "out.bvh"),
         ("convert", "wrong.bvh", "out.glb"),
         ("render", "wrong.bvh", "out.png"),
-        ("view", "wrong.bvh", "-o", "out.html"),
+        *([("view", "wrong.bvh", "-o", "out.html")] if page.BUILT.is_dir() else []),
         ("evaluate", "clips", "wrong.bvh"),
     ):
         run = signsplice(*call, "--input-fps", "25")

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import signsplice as ss
-from alone import ABSENT, environment
+from alone import ABSENT, SERVE, environment
 from signsplice.cli import plugins
+from signsplice.service import page
 
 RUN = """
 import io, json, sys
@@ -55,12 +56,12 @@ bench --repeats 3
 KNOCK = "KNOCK  hands=one\n  X  shape=S at=space palm=down fingers=fwd\n  M  shift=0,-5,0 times=2\n  H\n"
 
 
-def called(calls: list[list[str]], folder: Path) -> list[tuple[str, int, str]]:
+def called(calls: list[list[str]], folder: Path, absent: tuple[str, ...] = ABSENT) -> list[tuple[str, int, str]]:
     """Error line, exit status and output of calls, one after another in a process where only the product is."""
     process = subprocess.run(
         [sys.executable, "-c", RUN],
         input=json.dumps(calls),
-        env=environment(),
+        env=environment(absent),
         cwd=folder,
         capture_output=True,
         text=True,
@@ -87,8 +88,25 @@ def test_every_command_works_alone(tmp_path: Path) -> None:
             for folder in (tmp_path, tmp_path / "words"):
                 ss.save(words.clip(gloss), folder / f"{gloss}.bvh")
     calls = [line.split() for line in COMMANDS.strip().splitlines()]
+    calls = [call for call in calls if call[0] != "view" or page.BUILT.is_dir()]
     for call, (message, status, _) in zip(calls, called(calls, tmp_path), strict=True):
         assert (message, status) == ("", 0), call
+
+
+def test_a_page_is_written_without_the_packages_of_the_service(tmp_path: Path) -> None:
+    with ss.open_lexicon() as words:
+        ss.save(words.clip("HELLO"), tmp_path / "HELLO.bvh")
+    calls = [["view", "HELLO.bvh", "-o", "HELLO.html"], ["view", "HELLO.bvh", "--no-browser"], ["serve"]]
+    (message, status, _), *live = called(calls, tmp_path, (*ABSENT, *SERVE))
+    for needs, code, _ in live:
+        assert "pip install '.[serve]'" in needs
+        assert code == 1
+    if page.BUILT.is_dir():
+        assert (message, status) == ("", 0)
+        assert '"live": false' in (tmp_path / "HELLO.html").read_text(encoding="utf-8")
+    else:
+        assert "run `make viewer`" in message
+        assert status == 1
 
 
 def test_the_help_of_every_command_is_shown_alone(tmp_path: Path) -> None:

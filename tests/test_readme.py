@@ -11,9 +11,9 @@ from click.testing import CliRunner
 
 import signsplice as ss
 from signsplice import demo
-from signsplice.cli import service, terminal
 from signsplice.cli.commands import app
 from signsplice.render import film
+from signsplice.service import page
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -41,6 +41,8 @@ def test_the_commands_run_after_the_demo_and_write_what_they_name(
     commands = re.findall(r"^    signsplice (.*)$", README, re.MULTILINE)
     assert len(commands) >= 4
     for command in commands:
+        if command.startswith("view") and not page.BUILT.is_dir():
+            continue  # `make viewer` builds it
         words = shlex.split(command, comments=True)
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 0, (command, done.output)
@@ -52,16 +54,3 @@ def test_the_readme_is_short_and_counts_what_ships() -> None:
     letters = [entry for entry in ss.open_lexicon().entries() if entry.gloss.startswith("fs-")]
     assert f"{len(ss.open_lexicon()) - len(letters)} words that ship" in README
     assert f"{len(ss.__all__)} public names" in README
-
-
-def test_a_page_without_the_packages_of_the_service_is_a_drawing_that_moves(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(service, "_require_extra", lambda: terminal.require("the viewer needs", "serve", "no_such_one"))
-    ss.save(ss.open_lexicon().clip("HELLO"), tmp_path / "a.bvh")
-    done = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh"), "-o", str(tmp_path / "a.html")])
-    assert done.exit_code == 0, done.output
-    assert "pip install '.[serve]' in signsplice's folder; until then the page is a drawing that moves" in done.stderr
-    assert "<iframe srcdoc=" in (tmp_path / "a.html").read_text()
-    refused = CliRunner().invoke(app, ["view", str(tmp_path / "a.bvh")])
-    assert "pip install '.[serve]' in signsplice's folder" in str(refused.exception)

@@ -4,7 +4,7 @@
 // `node build.mjs --player DIR` builds the package of <sign-player>: one module, beside the types that tsc writes.
 
 import { createHash } from 'node:crypto';
-import { copyFile, mkdir, readFile, rm, writeFile } from 'node:fs/promises';
+import { copyFile, mkdir, readdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
@@ -33,7 +33,7 @@ async function buildPage() {
   const digest = (text) => `'sha256-${createHash('sha256').update(text).digest('base64')}'`;
   const policy = [
     "default-src 'none'",
-    `script-src ${digest(inline)}`,
+    `script-src ${digest(inline)} 'wasm-unsafe-eval'`,
     `style-src ${digest(style)}`,
     'img-src data: blob:',
     "connect-src 'self' data: blob:",
@@ -117,7 +117,8 @@ async function licencesOf(what, packages) {
   const texts = new Map();
   for (const name of packages) {
     const { version, license, source } = await manifest(name);
-    const text = await readFile(join(here, 'node_modules', name, 'LICENSE'), 'utf8');
+    const folder = join(here, 'node_modules', name);
+    const text = await readFile(join(folder, (await readdir(folder)).find((file) => /^LICENSE(\.md)?$/.test(file))), 'utf8');
     texts.set(text, [...(texts.get(text) ?? []), `${name} ${version}, ${license}, unchanged; source: ${source}`]);
   }
   let licences = `${what} contains code of these packages, each under its licence.\n`;

@@ -173,6 +173,26 @@ def test_an_avatar_of_ones_own_is_fitted(seen: dict[str, Any]) -> None:
     assert seen["own"]["drawnAgain"] > 0.05
 
 
+def test_a_mesh_packed_with_meshopt_is_read_and_one_with_draco_refused_in_a_line(seen: dict[str, Any]) -> None:
+    assert seen["own"]["packed"]["isFitted"] is True
+    assert seen["own"]["packed"]["drawn"] == pytest.approx(seen["own"]["drawnAgain"], abs=0.002)
+    assert "packed with Draco" in seen["own"]["draco"]
+    assert "\n" not in seen["own"]["draco"]
+
+
+def test_an_avatar_without_words_stands_with_hanging_arms(seen: dict[str, Any]) -> None:
+    rest = seen["own"]["atRest"]
+    assert rest["drawn"] > 0.05
+    assert max(rest["hands"]) < 1.0, "of about 1.7 m"
+    assert rest["wide"] < 0.9
+
+
+def test_a_player_without_styles_is_a_square_that_fits(seen: dict[str, Any]) -> None:
+    wide, tall, _ = seen["own"]["bare"]
+    assert wide == tall
+    assert 300 < wide <= 480
+
+
 def test_a_stream_waits_while_it_is_paused_and_then_comes_whole(seen: dict[str, Any]) -> None:
     stream = seen["stream"]
     assert len(stream["words"]) == 100

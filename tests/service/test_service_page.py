@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
+import json
+import re
 from pathlib import Path
 
 import httpx
 import pytest
+from click.testing import CliRunner
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
-from signsplice.service import page
+import avatars
+from signsplice.body.retarget import retarget
+from signsplice.cli.commands import app
+from signsplice.formats import gltf_document, load, save
+from signsplice.formats.avatar import read_avatar
+from signsplice.motion import Clip
+from signsplice.service import page, scene
 
 TEXT = '<html><script type="application/json" id="signsplice">null</script>' + "hello " * 1000
 
@@ -87,3 +97,36 @@ def test_head_is_answered_for_the_page_its_files_and_the_counters(service: httpx
 
 def test_head_has_no_place_in_the_document_of_the_routes(service: httpx.Client) -> None:
     assert all("head" not in methods for methods in service.get("/openapi.json").json()["paths"].values())
+
+
+def figure_in(call: list[str], output: Path) -> bytes:
+    """The .glb in the page that a call of ``view`` writes."""
+    done = CliRunner().invoke(app, ["view", *call, "-o", str(output)])
+    assert done.exit_code == 0, done.output
+    found = re.search('id="signsplice">(.*?)</script>', output.read_text(encoding="utf-8"))
+    assert found
+    (scene,) = json.loads(found[1])["scenes"]
+    return base64.b64decode(scene["files"]["glb"])
+
+
+def meshes(glb: bytes) -> list[str]:
+    return [mesh["name"] for mesh in json.loads(gltf_document.chunks("it", glb)[0])["meshes"]]
+
+
+def test_a_page_shows_the_figure_of_its_file_or_an_avatar(
+    tmp_path: Path, words: dict[str, Clip], pages: page.PageResponses
+) -> None:
+    broad = avatars.body("broad")
+    avatar = avatars.write(tmp_path / "avatar.glb", broad, avatars.tubes(broad), "", hair=False)
+    clip = words["HELLO"][:40]
+    save(clip, tmp_path / "clip.bvh")
+    save(retarget(clip, read_avatar(avatar)).clip, tmp_path / "own.glb")
+    (tmp_path / "bones.glb").write_bytes(scene.encode(clip, "glb", mesh=False))
+    out, own = tmp_path / "page.html", tmp_path / "own.glb"
+    assert figure_in([str(own)], out) == own.read_bytes()
+    assert meshes(figure_in([str(tmp_path / "clip.bvh"), "--avatar", str(avatar)], out)) == meshes(own.read_bytes())
+    mannequin = meshes(figure_in([str(tmp_path / "bones.glb")], out))
+    assert mannequin != meshes(own.read_bytes())
+    # At another rate than the file's own, the file does not show what the report says.
+    assert meshes(figure_in([str(own), "--input-fps", "10"], out)) == mannequin
+    assert len(load(own)) == 40

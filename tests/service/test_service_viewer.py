@@ -272,27 +272,27 @@ def test_frames_that_come_in_time_show_the_full_figure(screens: dict[str, Any]) 
     assert seen["after"]["shadows"] > 0
 
 
-def test_late_frames_show_a_light_figure_with_a_still_shadow(screens: dict[str, Any]) -> None:
-    for name, ratio in (("late", 1.0), ("veryLate", 0.6)):
+def test_late_frames_cost_pixels_and_shadows_but_no_triangle(screens: dict[str, Any]) -> None:
+    for name, ratio in (("late", 1.5), ("veryLate", 1.0)):
         seen = screens[name]
-        full, light = picture(seen["before"]), picture(seen["after"])
         assert seen["before"]["shadows"] > 0
         assert seen["after"]["shadows"] == 0
         assert seen["ratio"] == pytest.approx(ratio, abs=0.01)
-        assert sum(light) < 0.65 * sum(full)
-        assert min(after / before for before, after in zip(full, light, strict=True)) > 0.1
-        # The hands, which carry meaning, keep more than the clothes.
-        hands = [after / before for before, after in zip(full, light, strict=True) if 6_400 < before < 6_500]
-        assert len(hands) == 2
-        assert min(hands) > 0.4
-    again = screens["lateAgain"]
-    assert again["shadows"] == 0
-    assert sum(picture(again)) < 0.65 * sum(picture(screens["late"]["before"]))
+        assert picture(seen["after"]) == picture(seen["before"])
+    assert screens["lateAgain"]["shadows"] == 0
 
 
-def test_a_light_figure_that_is_replaced_frees_its_full_one_too(screens: dict[str, Any]) -> None:
+def test_hands_in_ten_handshapes_look_the_same_where_frames_come_late(screens: dict[str, Any]) -> None:
+    full, late = (np.array([list(mask) for mask in masks]) == "1" for masks in screens["handshapes"])
+    assert len(full) == 10
+    same = (full & late).sum(axis=1) / (full | late).sum(axis=1)
+    assert full.sum(axis=1).min() > 200, "points of skin"
+    assert same.min() > 0.93, same
+
+
+def test_a_figure_that_is_replaced_frees_its_buffers(screens: dict[str, Any]) -> None:
     before, after = screens["buffers"]
-    assert after < before
+    assert after <= before
 
 
 def test_the_hands_preset_is_close(screens: dict[str, Any]) -> None:

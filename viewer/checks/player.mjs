@@ -1,9 +1,11 @@
 // Pages that use <sign-player> from a file server, as their users would; prints what was seen as JSON.
 // `CHROMIUM=... node player.mjs SITE SERVICE OUT`: SITE serves the examples with the installed package and its files.
 
+import { readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import { launch, watched } from './browser.mjs';
+import { packedWithMeshopt, saidToBeDraco } from './pack.mjs';
 
 const [site, service, out] = process.argv.slice(2);
 const AXE = createRequire(import.meta.url).resolve('axe-core/axe.min.js');
@@ -110,6 +112,37 @@ await heard(own, 'ready', 2);
 result.own.isFittedAgain = await isAvatar();
 result.own.drawnAgain = await drawn(own);
 await own.screenshot({ path: join(out, 'own.png') });
+
+// The same packed, which is read, or said to be, in one line, that it is not.
+const figure = readFileSync(join(out, 'figure.glb'));
+writeFileSync(join(out, 'packed.glb'), await packedWithMeshopt(figure));
+writeFileSync(join(out, 'draco.glb'), saidToBeDraco(figure));
+await own.locator('input[type=file]').setInputFiles(join(out, 'packed.glb'));
+await heard(own, 'ready', 3);
+result.own.packed = { isFitted: await isAvatar(), drawn: await drawn(own) };
+await own.locator('input[type=file]').setInputFiles(join(out, 'draco.glb'));
+await heard(own, 'error');
+result.own.draco = (await said(own, 'error'))[0].message;
+
+// Without words yet the avatar stands at rest; without a style on its page a player has a sensible size.
+await own.locator('input[type=file]').setInputFiles(join(out, 'figure.glb'));
+await heard(own, 'ready', 4);
+result.own.atRest = await own.evaluate(async () => {
+  const player = document.querySelector('sign-player');
+  const [before] = player.show.people;
+  player.src = '';
+  while (player.show.people[0] === before) await new Promise((done) => setTimeout(done, 50));
+  const { min, max } = player.show.people[0].handsAt(-9);
+  return { hands: [min.y, max.y], wide: max.x - min.x };
+});
+result.own.atRest.drawn = await drawn(own);
+result.own.bare = await own.evaluate(() => {
+  const host = document.body.appendChild(document.createElement('div'));
+  const player = host.attachShadow({ mode: 'open' }).appendChild(document.createElement('sign-player'));
+  const { width, height } = player.getBoundingClientRect();
+  host.remove();
+  return [width, height, host.clientWidth];
+});
 
 // A long sentence, streamed: while it is paused the service is held back, then all of it comes.
 const stream = await open('plain.html');

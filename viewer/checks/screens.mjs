@@ -133,12 +133,37 @@ const drawnAt = async (page, number) => {
   await seek(page, number);
   return page.evaluate(() => globalThis.drawn);
 };
+const LETTERS = [...'ABCFILOVWY'].map((letter) => `fs-${letter}`).join('+');
+/** Which points of the picture have the colour of skin. */
+const skinMask = (page) =>
+  page.evaluate(() => {
+    const pen = new OffscreenCanvas(100, 120).getContext('2d');
+    pen.drawImage(globalThis.picture(), 0, 0, 100, 120);
+    const { data } = pen.getImageData(0, 0, 100, 120);
+    return Array.from({ length: 12_000 }, (_, k) => Number(data[4 * k] > data[4 * k + 2] + 30)).join('');
+  });
+/** The hands in each letter, near. */
+const handshapes = async (page) => {
+  const frames = await page.locator('#spans .sign').evaluateAll((signs) => {
+    const percents = signs.map(({ style }) => parseFloat(style.left) + parseFloat(style.width) / 2);
+    return percents.map((percent) => Math.round((percent / 100) * Number(document.querySelector('#frame').max)));
+  });
+  const masks = [];
+  for (const number of frames) {
+    await seek(page, number);
+    await page.click('[data-view=hands]');
+    await seek(page, number);
+    masks.push(await skinMask(page));
+  }
+  return masks;
+};
 for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate: 0.2 })) {
   const { page, faults } = await watched(browser, { reducedMotion: 'reduce', viewport: { width: 390, height: 600 }, deviceScaleFactor: 2 });
   result.faults.push(faults);
   await page.addInitScript(watchClock, step);
-  await page.goto(`${address}?s=HELLO`);
+  await page.goto(`${address}?s=${name === 'veryLate' ? LETTERS : 'HELLO'}`);
   await shown(page, 1);
+  const hands = name === 'veryLate' ? [await handshapes(page)] : [];
   const before = await drawnAt(page, 10);
   await page.selectOption('#loop', 'all');
   await page.evaluate(() => document.querySelector('#play').click());
@@ -152,6 +177,7 @@ for (const [name, step] of Object.entries({ inTime: 0.045, late: 0.07, veryLate:
   await pause(page);
   const ratio = await page.evaluate(() => globalThis.picture().width / globalThis.picture().clientWidth);
   result[name] = { before, after: await drawnAt(page, 10), ratio };
+  if (name === 'veryLate') result.handshapes = [...hands, await handshapes(page)];
   if (out) await page.screenshot({ path: join(out, `${name}.png`) });
   if (name === 'late') {
     const held = await page.evaluate(() => globalThis.buffers);

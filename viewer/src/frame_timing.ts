@@ -2,7 +2,7 @@
 
 const WINDOW_S = 1; // judged together
 const MIN_FRAMES = 3; // one late frame alone says nothing
-const SETTLING = 5; // frames after less is drawn that are not judged: making the lighter figure takes time too
+const SETTLING = 5; // frames after less is drawn that are not judged: shaders without shadows take time too
 
 export class FrameTiming {
   private intervals: number[] = [];

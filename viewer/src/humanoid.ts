@@ -2,8 +2,8 @@
 
 import { VRM, VRMHumanoid, type VRMHumanBones, VRMLoaderPlugin, VRMUtils } from '@pixiv/three-vrm';
 import { type Matrix4, type Object3D, SkinnedMesh } from 'three';
-import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
-import { checkTrees } from './fit/mesh.js';
+import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
+import { readGltf } from './gltf.js';
 
 /** The words of rigs (Mixamo, Ready Player Me, VRM, Unity, Unreal, Rigify) for the bones of a limb. */
 const LIMBS: [RegExp, string][] = [
@@ -31,10 +31,7 @@ interface Document {
 
 /** The avatar in a .vrm or .glb file; a file without a VRM part gets one by the names of its bones. Throws for any other. */
 export async function readAvatar(content: Uint8Array<ArrayBuffer>): Promise<[GLTF, VRM]> {
-  const file = await new GLTFLoader()
-    .register(({ json }) => ({ name: 'SIGNSPLICE_trees', beforeRoot: async () => checkTrees(json) })) // a loop of nodes never loads
-    .register((parser) => new VRMLoaderPlugin(parser))
-    .parseAsync(content.slice().buffer, '');
+  const file = await readGltf(content, (parser) => new VRMLoaderPlugin(parser));
   return [file, (file.userData['vrm'] as VRM | undefined) ?? (await named(file))];
 }
 

@@ -4,7 +4,7 @@ import { find, option } from './dom.js';
 import * as films from './film.js';
 import { translate } from './languages.js';
 import { label, seams } from './scene.js';
-import type { Format, Spliced } from './wire.js';
+import type { Format, Report, Spliced } from './wire.js';
 
 export type Download = Format | 'film' | 'report' | 'page';
 
@@ -39,6 +39,7 @@ export function show(scenes: Spliced[], more: string[], loop: (seam: number) => 
   find('#warnings').replaceChildren(
     ...[...warnings].map((text) => Object.assign(document.createElement('li'), { textContent: text })),
   );
+  find('#by-rule').hidden = !hasFaceByRule(scene.report);
   find('#report').hidden = !all.length && !warnings.size;
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-file]')) {
     const file = button.dataset['file'] as Download;
@@ -46,6 +47,11 @@ export function show(scenes: Spliced[], more: string[], loop: (seam: number) => 
     button.disabled = !available;
     if (!available) button.title = file === 'film' ? translate('noFilm') : translate('noFile', { file: file.toUpperCase() });
   }
+}
+
+/** Whether rules move the face of a sign that has none of its own. */
+function hasFaceByRule({ face, spans }: Report & { face?: { recorded: number[]; rules: string[] } }): boolean {
+  return !!face?.rules.length && spans.some(({ kind, clip }) => kind === 'sign' && clip !== null && !face.recorded.includes(clip));
 }
 
 /** The names of two sides, by what differs between them; none for one. */

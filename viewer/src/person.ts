@@ -1,12 +1,11 @@
 /** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation, fitted to its body. */
 
-import { type VRM, VRMUtils } from '@pixiv/three-vrm';
+import { type VRM, type VRMHumanBoneName, VRMLoaderPlugin, VRMUtils } from '@pixiv/three-vrm';
 import { createVRMAnimationClip } from '@pixiv/three-vrm-animation';
 import {
   AnimationClip,
   AnimationMixer,
   Box3,
-  type BufferAttribute,
   Group,
   MathUtils,
   Mesh,
@@ -14,18 +13,19 @@ import {
   type Object3D,
   Quaternion,
   QuaternionKeyframeTrack,
-  SkinnedMesh,
   Vector3,
   VectorKeyframeTrack,
 } from 'three';
-import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { type AvatarBody, bodyOf, tracksOf } from './fit/avatar.js';
 import { type Fitted, fitMotion, inSlices } from './fit/fit.js';
-import { readAvatar } from './humanoid.js';
-import { lighter, type Part, partsOf } from './light.js';
+import { readGltf } from './gltf.js';
+import { readAvatar, rolesOf } from './humanoid.js';
 import type { Take } from './take.js';
 
-const ROLES = ['leftHand', 'rightHand', 'leftMiddleProximal', 'rightMiddleProximal', 'head'] as const;
+const PLACE = ['hips', 'leftUpperArm', 'rightUpperArm'] as const;
+const ROLES = [...PLACE, 'leftHand', 'rightHand', 'leftMiddleProximal', 'rightMiddleProximal'] as const;
+const FAR = 0.5; // m from the middle, where a figure leaves the picture
+const HANGING = 0.2; // of upper arms at rest, radians from straight down
 const ARMS = ['left', 'right'].flatMap((side) => ['UpperArm', 'LowerArm', 'Hand'].map((bone) => side + bone));
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
 /** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
@@ -36,8 +36,6 @@ export class Person {
   private readonly mixer: AnimationMixer;
   private body: AvatarBody | null = null; // of an avatar
   private shown = 0;
-  private readonly indices = new Map<SkinnedMesh, [BufferAttribute | null, BufferAttribute | null]>();
-  private readonly parts: Map<Object3D, Part>;
   private readonly palms: Object3D[];
 
   private constructor(
@@ -57,7 +55,6 @@ export class Person {
     const hands = both('leftHand', 'rightHand');
     const knuckles = both('leftMiddleProximal', 'rightMiddleProximal');
     this.palms = knuckles.length ? knuckles : hands;
-    this.parts = partsOf(hands, bone('head'));
     this.mixer = new AnimationMixer(figure);
     this.mixer.clipAction(clip).play();
     this.at(0);
@@ -68,20 +65,42 @@ export class Person {
     return this.clip.duration;
   }
 
-  /** The mannequin of a .glb. */
+  /** The figure of a .glb, with its own motion. */
   static async mannequin(glb: Uint8Array<ArrayBuffer>): Promise<Person> {
-    const gltf = await new GLTFLoader().parseAsync(glb.buffer, '');
+    const gltf = await readGltf(glb, (parser) => new VRMLoaderPlugin(parser)); // for the materials of VRM
     const clip = gltf.animations[0];
     if (!clip) throw new Error('the file holds no animation');
-    const roles = (gltf.parser.json as { extras?: { humanoid?: Record<string, string> } }).extras?.humanoid ?? {};
-    const nodes = gltf.parser.json.nodes as { name: string }[];
+    const roles = rolesOf(gltf.parser.json);
     const bones = new Map<string, Object3D>();
-    for (const role of ROLES) {
-      // three.js renames nodes but keeps their numbers.
-      const number = nodes.findIndex((node) => node.name === roles[role]);
-      if (number >= 0) bones.set(role, (await gltf.parser.getDependency('node', number)) as Object3D);
+    for (const role of ROLES) if (roles.has(role)) bones.set(role, (await gltf.parser.getDependency('node', roles.get(role)!)) as Object3D);
+    const start = Math.min(...clip.tracks.map(({ times }) => times[0]!));
+    if (start) for (const track of clip.tracks) track.shift(-start);
+    const person = new Person(gltf.scene, clip.resetDuration(), (role) => bones.get(role) ?? null);
+    person.comeToFront(bones);
+    return person;
+  }
+
+  /** Turn a figure to the camera by quarters of a turn, and bring one that stands elsewhere to the middle. */
+  private comeToFront(bones: ReadonlyMap<string, Object3D>): void {
+    const [hips, left, right] = PLACE.map((role) => bones.get(role)?.getWorldPosition(new Vector3()));
+    if (!hips || !left || !right) return;
+    const quarters = Math.round(Math.atan2(left.z - right.z, left.x - right.x) / (Math.PI / 2));
+    this.root.rotation.y = (quarters * Math.PI) / 2;
+    const { x, z } = hips.applyQuaternion(this.root.quaternion);
+    if (Math.hypot(x, z) > FAR) this.root.position.set(-x, 0, -z);
+    this.at(0);
+  }
+
+  /** An avatar whose arms hang. */
+  static async atRest(content: Uint8Array<ArrayBuffer>): Promise<Person> {
+    const [, avatar] = await readAvatar(content);
+    for (const side of ['left', 'right'] as const) {
+      const [arm, elbow] = [`${side}UpperArm`, `${side}LowerArm`].map((name) => avatar.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName)!);
+      const along = elbow!.getWorldPosition(new Vector3()).sub(arm!.getWorldPosition(new Vector3()));
+      arm!.rotation.z = -Math.sign(along.x) * (Math.atan2(Math.abs(along.x), -along.y) - HANGING);
     }
-    return new Person(gltf.scene, clip, (role) => bones.get(role) ?? null);
+    VRMUtils.rotateVRM0(avatar);
+    return new Person(avatar.scene, new AnimationClip('', 0, []), (role) => avatar.humanoid.getRawBoneNode(role), avatar);
   }
 
   /** An avatar (.vrm, or .glb) with a motion, fitted to its body where both have arms; ``known``: that body. */
@@ -106,17 +125,6 @@ export class Person {
     this.at(this.shown);
   }
 
-  /** Draw fewer triangles and no shadows on the body, or all again; ``stature`` in metres. */
-  lighten(on: boolean, stature: number): void {
-    this.root.traverse((node) => {
-      if (!(node instanceof SkinnedMesh)) return;
-      const { geometry } = node;
-      if (!this.indices.has(node)) this.indices.set(node, [geometry.index, lighter(node, this.parts, stature) ?? geometry.index]);
-      geometry.setIndex(this.indices.get(node)![on ? 1 : 0]);
-      node.receiveShadow = !on;
-    });
-  }
-
   /** Show the pose at a time in seconds. */
   at(seconds: number): void {
     this.mixer.setTime(Math.max(0, Math.min(seconds, this.duration - END)));
@@ -134,10 +142,6 @@ export class Person {
 
   dispose(): void {
     this.mixer.stopAllAction();
-    for (const [{ geometry }, indices] of this.indices) {
-      const other = indices.find((index) => index !== geometry.index);
-      if (other) geometry.setAttribute('otherIndex', other); // three.js frees the buffers of what a geometry holds
-    }
     VRMUtils.deepDispose(this.root);
   }
 }

@@ -7,12 +7,12 @@ import { Attributes, OTHERS, PROPERTIES, SOURCES } from './attributes.js';
 import { Controls } from './controls.js';
 import { filmButton } from './flat.js';
 import { isLanguage, type Language, translateTo } from './languages.js';
-import type { Person } from './person.js';
+import { Person } from './person.js';
 import { reachWarnings, titleOf, words } from './scene.js';
 import { Service } from './service.js';
 import { Show } from './show.js';
 import STYLE from './sign_player.css';
-import { bytesAt, personOf, readSource, sceneOf, type Source, sourceOf } from './source.js';
+import { bareScene, bytesAt, personOf, readSource, sceneOf, type Source, sourceOf } from './source.js';
 import { MOST_AT_ONCE, SentenceStream } from './stream.js';
 import type { Spliced } from './wire.js';
 
@@ -139,7 +139,7 @@ export class SignPlayer extends Attributes {
 
   async #load(): Promise<void> {
     const line = (this.gloss || this.text).split(/\s+/).filter(Boolean);
-    if (!this.src && !line.length) return;
+    if (!this.src && !line.length && !this.avatar) return;
     if (!this.show) return this.flat(this.src ? [] : line, new Service(this.#absolute(this.service)));
     this.#task?.abort();
     const { signal } = (this.#task = new AbortController());
@@ -148,6 +148,7 @@ export class SignPlayer extends Attributes {
     try {
       const avatar = await this.#avatarContent(signal);
       if (this.src) await this.#showSource(await readSource(this.#absolute(this.src), avatar !== null, signal), avatar, signal);
+      else if (!line.length) await this.#showAtRest(avatar!, signal);
       else if (line.length > MOST_AT_ONCE) await this.#showStream(line, avatar, signal);
       else {
         const formats = [avatar ? ('vrma' as const) : ('glb' as const)];
@@ -182,6 +183,12 @@ export class SignPlayer extends Attributes {
     const scene = sceneOf(source, person.duration);
     this.present([scene], [person]);
     this.#begin(scene, person);
+  }
+
+  async #showAtRest(avatar: Uint8Array<ArrayBuffer>, signal: AbortSignal): Promise<void> {
+    const person = await Person.atRest(avatar);
+    if (signal.aborted || !this.show) return person.dispose();
+    this.present([bareScene('', 30, 1)], [person]);
   }
 
   async #showStream(line: string[], avatar: Uint8Array<ArrayBuffer> | null, signal: AbortSignal): Promise<void> {

@@ -1,6 +1,7 @@
 /** What a player is told to show: files on a server, or a sentence of the service. */
 
 import { decode } from './bytes.js';
+import { documentOf, isGltf } from './gltf.js';
 import { Person } from './person.js';
 import { glbTake, vrmaTake } from './take.js';
 import type { Report, Spliced } from './wire.js';
@@ -82,19 +83,4 @@ export function isStill(content: Content): boolean {
 function fileSource(name: string, scene: Spliced | null, content: Content): Source {
   const isVrma = 'VRMC_vrm_animation' in (documentOf(content).extensions ?? {});
   return { name, scene, glb: isVrma ? null : content, vrma: isVrma ? content : null };
-}
-
-interface Document {
-  animations?: { extras?: { fps?: number } }[];
-  extensions?: object;
-}
-
-/** The JSON part of a .glb. */
-function documentOf(content: Content): Document {
-  const size = new DataView(content.buffer, content.byteOffset).getUint32(12, true);
-  return JSON.parse(new TextDecoder().decode(content.subarray(20, 20 + size))) as Document;
-}
-
-function isGltf(content: Content): boolean {
-  return new TextDecoder().decode(content.subarray(0, 4)) === 'glTF';
 }

@@ -28,14 +28,15 @@ const SPACE = { width: 0.52, height: 0.6 };
 const TOP = 1.07;
 const RAISED = 0.58; // height above which a hand is raised
 const HANDS = { width: 0.21, height: 0.17 }; // of one hand, or of two beside one another; hands apart add their distance
-/** What is drawn, from the best to the lightest: pixels for each of the page's, whether with the light figure, and how far
- * apart frames may come before the next is chosen, seconds.
+/** What is drawn, from the best to the fastest: pixels for each of the page's, whether with shadows, and how far apart frames
+ * may come before the next is chosen, seconds. The figure itself stays whole, since handshapes carry meaning.
  */
 const DETAILS = [
-  { ratio: 3, isLight: false, late: 1 / 20 },
-  { ratio: 1, isLight: true, late: 1 / 10 },
-  { ratio: 0.6, isLight: true, late: Infinity },
+  { ratio: 3, hasShadows: true, late: 1 / 20 },
+  { ratio: 1.5, hasShadows: false, late: 1 / 10 },
+  { ratio: 1, hasShadows: false, late: Infinity },
 ] as const;
+const SMOOTH = 2; // pixels for each of the page's that smooth edges: in software it costs less than multisampling
 const FOLLOW_S = 0.12; // time constant of the camera that follows the hands
 const ZOOM_S = 0.4; // time constant of its distance
 
@@ -54,7 +55,7 @@ export class Stage {
 
   /** ``changed`` is called when there is something new to draw. Throws where the browser has no WebGL. */
   constructor(private readonly canvas: HTMLCanvasElement, private readonly changed: () => void) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new WebGLRenderer({ canvas, preserveDrawingBuffer: true });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.setScissorTest(true);
@@ -92,7 +93,7 @@ export class Stage {
     const height = new Box3().setFromObject(people[0]!.root, true).max.y;
     const changed = Math.abs(height - this.stature) > 0.1 * this.stature;
     this.stature = Number.isFinite(height) && height > 0.2 ? height : 1.7;
-    this.setDetail(DETAILS[this.detail]!.isLight);
+    this.setShadows(this.drawn.hasShadows);
     if (!same || changed) this.look(this.view);
     else this.changed();
   }
@@ -155,13 +156,17 @@ export class Stage {
   }
 
   private fit(): void {
-    this.renderer.setPixelRatio(Math.min(DETAILS[this.detail]!.ratio, window.devicePixelRatio));
+    this.renderer.setPixelRatio(Math.min(this.drawn.ratio, Math.max(SMOOTH, window.devicePixelRatio)));
     this.renderer.setSize(this.canvas.clientWidth, this.canvas.clientHeight, false);
+  }
+
+  private get drawn() {
+    return DETAILS[this.detail]!;
   }
 
   /** Frames that come further apart than this, seconds, are late. */
   get late(): number {
-    return DETAILS[this.detail]!.late;
+    return this.drawn.late;
   }
 
   /** Draw less from now on, since frames come late. */
@@ -169,15 +174,12 @@ export class Stage {
     this.detail = Math.min(this.detail + 1, DETAILS.length - 1);
     this.canvas.dataset['detail'] = String(this.detail);
     this.fit();
-    this.setDetail(DETAILS[this.detail]!.isLight);
+    this.setShadows(this.drawn.hasShadows);
     this.changed();
   }
 
-  /** With the light figure the shadow on the floor is drawn once and stays, and the figure has none on itself. */
-  private setDetail(isLight: boolean): void {
-    for (const person of this.people) person.lighten(isLight, this.stature);
-    this.renderer.shadowMap.autoUpdate = !isLight;
-    this.renderer.shadowMap.needsUpdate = true;
+  private setShadows(on: boolean): void {
+    for (const scene of this.scenes) scene.traverse((node) => node instanceof DirectionalLight && (node.castShadow = on));
   }
 
   draw(): void {
@@ -195,16 +197,16 @@ export class Stage {
 
   /** Run ``work`` with the picture in another size, for a film; then restore the page's size. */
   async sized(width: number, height: number, work: () => Promise<void>): Promise<void> {
-    this.renderer.setPixelRatio(1);
+    this.renderer.setPixelRatio(SMOOTH);
     this.renderer.setSize(width, height, false);
-    this.setDetail(false); // a film takes its time
+    this.setShadows(true); // a film takes its time
     this.isFilming = true;
     try {
       await work();
     } finally {
       this.isFilming = false;
       this.fit();
-      this.setDetail(DETAILS[this.detail]!.isLight);
+      this.setShadows(this.drawn.hasShadows);
       this.changed();
     }
   }
@@ -229,7 +231,6 @@ function lit(person: Person, background: Color): Scene {
   const key = new DirectionalLight('#fff6ea', 1.9);
   key.position.set(-1.3, 3.2, 3.4);
   key.target.position.set(0, 1.1, 0);
-  key.castShadow = true;
   key.shadow.mapSize.set(2048, 2048);
   Object.assign(key.shadow.camera, { left: -1.1, right: 1.1, top: 1.2, bottom: -1.4, near: 1, far: 8 });
   key.shadow.bias = -0.0004;

@@ -3,10 +3,11 @@
 import type { VRMExpressionPresetName, VRMHumanBoneName } from '@pixiv/three-vrm';
 import { VRMAnimation, VRMAnimationLoaderPlugin } from '@pixiv/three-vrm-animation';
 import { AnimationMixer, NumberKeyframeTrack, type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3, VectorKeyframeTrack } from 'three';
-import { type GLTF, GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import { type AvatarBody, motionOf, signingOf, usualBodyOf } from './fit/avatar.js';
 import { makeBody, type Rotations } from './fit/body.js';
 import type { Motion } from './fit/fit.js';
+import { readGltf } from './gltf.js';
 import { readAvatar } from './humanoid.js';
 import type { FitSource } from './wire.js';
 
@@ -21,7 +22,7 @@ export interface Take {
 
 /** What a .vrma holds; ``source``: the body of its signer, where it is known. */
 export async function vrmaTake(content: Uint8Array<ArrayBuffer>, source: FitSource | null): Promise<Take> {
-  const file = await new GLTFLoader().register((parser) => new VRMAnimationLoaderPlugin(parser)).parseAsync(content.slice().buffer, '');
+  const file = await readGltf(content, (parser) => new VRMAnimationLoaderPlugin(parser));
   const animation = (file.userData['vrmAnimations'] as VRMAnimation[] | undefined)?.[0];
   if (!animation) throw new Error('the clip has no VRM animation');
   return { animation, motion: await motionOf(file, animation, source) };

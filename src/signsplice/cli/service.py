@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from signsplice.cli.clips import check_output, load, load_avatar, reads_clips, report_of
+from signsplice.cli.clips import check_output, limits, load, load_avatar, read_as, reads_clips, report_of
 from signsplice.cli.options import LEXICONS, option, preset
 from signsplice.cli.terminal import require, warn
-from signsplice.errors import InputError, MissingExtraError
+from signsplice.errors import InputError
 
 if TYPE_CHECKING:
     from signsplice.service.settings import Settings
@@ -93,42 +93,50 @@ def serve(
     "Report of the splice, for each file in order, if not in the file.",
     multiple=True,
 )
+@option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that the motion is brought to.")
 @option("-o --output", "PAGE.html", "Write one self-contained page instead of opening a browser.")
 @option("--port", "N", "Port.  [default: any free one]", type=int, default=0)
 @LEXICONS
 @option("--browser/--no-browser", None, "Open the page in a browser.  [default: yes]", default=True)
 @reads_clips
-def view(files: tuple[str, ...], reports: tuple[str, ...], output: str | None, browser: bool, **given: Any) -> None:
+def view(
+    files: tuple[str, ...],
+    reports: tuple[str, ...],
+    avatar: str | None,
+    output: str | None,
+    browser: bool,
+    **given: Any,
+) -> None:
     """Show a clip in the browser: FILE, and OTHER next to it, in step. Ctrl-C stops it."""
     if len(files) > 2:
         raise InputError(f"{len(files)} files, expected one, or two to compare")
     if len(reports) > len(files):
         raise InputError(f"{len(reports)} reports for {len(files)} files, expected at most one for each")
-    from signsplice.formats import atomic
+    from signsplice.formats import WIRE_FORMATS, atomic, glb
 
     if output is not None:
         if Path(output).suffix.lower() not in (".html", ".htm"):
             raise InputError(f"{output}: expected a name that ends in .html")
-        check_output(output, [*files, *reports])
-    clips = [load(file) for file in files]
-    stored = [report_of(*part) for part in zip_longest(clips, files, reports)]
-    try:
+        check_output(output, [*files, *reports, avatar])
+    if output is None:
         _require_extra()
-        from signsplice.service import page, scene
-        from signsplice.service.wire import FORMAT_NAMES
+    from signsplice.service import page, scene
 
-        page.html([], live=output is None)  # reports a missing viewer before any work
-    except MissingExtraError as error:
-        if output is None:
-            raise
-        from signsplice.render import notebook
-
-        warn([f"{error}; until then the page is a drawing that moves"])
-        head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        text = head + "".join(map(notebook.html, clips))
+    page.html([], live=False)  # reports a missing viewer before any work
+    parsed = [load(file) for file in files]
+    stored = [report_of(*part) for part in zip_longest(parsed, files, reports)]
+    if avatar is None:
+        clips, figures = parsed, [None if read_as().fps else glb.figure(file, limits()) for file in files]
     else:
-        scenes = [scene.from_clip(clip, report, FORMAT_NAMES) for clip, report in zip(clips, stored, strict=True)]
-        text = page.html(scenes, live=output is None)
+        from signsplice.body.retarget import retarget
+
+        body = load_avatar(avatar)
+        retargeted = [retarget(clip, body) for clip in parsed]
+        warn([line for done in retargeted for line in done.warnings])
+        clips, figures = [done.clip for done in retargeted], []
+    rows = zip_longest(clips, stored, figures)
+    scenes = [scene.from_clip(clip, report, WIRE_FORMATS, figure) for clip, report, figure in rows]
+    text = page.html(scenes, live=output is None)
     if output is not None:
         atomic.write(output, text)
         print(f"{output}: opens from disk in any browser, {len(text.encode()) / 1e6:.1f} MB")

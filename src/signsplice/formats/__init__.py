@@ -68,6 +68,8 @@ WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and 
 """Suffixes that ``save`` and ``encode`` write."""
 WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads and that the HTTP service accepts and sends."""
+WIRE_FORMATS = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
+"""The names that they have there."""
 
 
 _RATES = 1e-3, 1e5

@@ -7,21 +7,25 @@ mesh and an action. ``gltf_reader`` describes reading.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
-from signsplice.formats.gltf_document import HUMANOID_EXTRA, REPORT_EXTRA, ROLES_EXTRA
+from signsplice.formats.gltf_document import HUMANOID_EXTRA, REPORT_EXTRA, ROLES_EXTRA, chunks
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
+from signsplice.formats.gltf_unpack import DRACO
 from signsplice.formats.gltf_writer import DocumentWriter, in_front
+from signsplice.formats.json_files import parse_json
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, read_bytes
 from signsplice.motion import Clip, bone_translations, rotation
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
 
-__all__ = ["document", "encode", "parse"]
+__all__ = ["document", "encode", "figure", "parse"]
 
 _STILL = 1e-9
 """A joint whose rotations or translations differ by less than this over the clip gets no animation channel."""
@@ -36,6 +40,17 @@ def encode(clip: Clip, mesh: bool = True, whole_face: bool = False) -> bytes:
 
         return avatar.encode(clip, clip.skeleton.file)
     return b"".join(document(clip, mesh, whole_face).save_to_bytes())
+
+
+def figure(path: str | Path, limits: ReadLimits = DEFAULT_LIMITS) -> bytes | None:
+    """Return the bytes of a .glb file that holds a clip and a mesh with a skin, which the page can show; else None."""
+    if Path(path).suffix.lower() != ".glb":
+        return None
+    content = read_bytes(path, limits.file_bytes)
+    document = parse_json(chunks(str(path), content)[0], str(path), "a glTF document")
+    is_packed = DRACO in (document.get("extensionsRequired") or ())
+    is_shown = any(node.get("mesh") is not None and node.get("skin") is not None for node in document["nodes"])
+    return content if is_shown and not is_packed else None
 
 
 def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:

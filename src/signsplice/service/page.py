@@ -8,13 +8,14 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from starlette.datastructures import Headers
-from starlette.responses import Response
+from typing import TYPE_CHECKING, Any
 
 from signsplice.errors import MissingExtraError
 from signsplice.splicing.report import plain
+
+if TYPE_CHECKING:
+    from starlette.datastructures import Headers
+    from starlette.responses import Response
 
 BUILT = Path(__file__).parent / "page"
 _INDEX = BUILT / "index.html"
@@ -53,6 +54,8 @@ class PageResponses:
 
     def answer(self, request: Headers) -> Response:
         """Return the page, compressed if the client accepts gzip; 304 if the client has it. Raises as ``html``."""
+        from starlette.responses import Response  # a page is written without the extra too
+
         if not self._contents:
             page = html(self._scenes, live=True).encode()
             self._digest = hashlib.sha256(page).hexdigest()[:32]

@@ -7,20 +7,22 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.retarget import signing
 from signsplice.errors import InputError
-from signsplice.formats import FORMATS, glb
+from signsplice.formats import FORMATS, WIRE_FORMATS, glb
 from signsplice.formats import encode as encode_file
 from signsplice.motion import Clip, Skeleton, kinematics, resample, rotation
 from signsplice.rig.info import rig_info
-from signsplice.service.wire import FORMAT_NAMES, FRAMES_HEADER, FRAMES_MAGIC, Files, Format
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
+
+if TYPE_CHECKING:
+    from signsplice.service.wire import Files, Format
 
 Rows = Sequence[Mapping[str, Any]]
 FILM_FPS = 12.5
@@ -41,14 +43,21 @@ def encode(clip: Clip, form: Format, mesh: bool = True, whole_face: bool = False
     return glb.encode(clip, mesh, whole_face) if form == "glb" else encode_file(clip, f"clip.{form}")
 
 
-def from_clip(clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format]) -> dict[str, Any]:
-    """Return a clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign."""
+def from_clip(
+    clip: Clip, report: Mapping[str, Any] | None, formats: Sequence[Format], figure: bytes | None = None
+) -> dict[str, Any]:
+    """Return a clip from a file as ``wire.Spliced``. ``report``: of the splice that made it; None for one sign.
+    ``figure``: the .glb that shows the clip, in place of one with the mannequin.
+    """
     if report is None:
         all_frames = (0, len(clip))
         spans = (Span("sign", 0, clip.name, all_frames, all_frames),)
         unspliced = SpliceResult(clip, spans, (), (), cutter="", transition="", timing_ms={})
         report = {**reports.describe(unspliced), "timing_ms": {}}
-    return splice_response(clip, report, formats)
+    scene = splice_response(clip, report, formats)
+    if figure is not None:
+        scene["files"]["glb"] = base64.b64encode(figure).decode("ascii")
+    return scene
 
 
 def splice_response(
@@ -57,7 +66,7 @@ def splice_response(
     """Return a clip and the report of its splice as JSON-ready ``wire.Spliced``. ``units``: how each gloss was read.
     ``glb_has``: further arguments of ``encode``.
     """
-    files: Files = dict.fromkeys(FORMAT_NAMES)
+    files: Files = dict.fromkeys(WIRE_FORMATS)
     warnings = list(report["warnings"])
     for form in formats:
         try:
@@ -103,6 +112,8 @@ def skeleton(clip: Clip) -> dict[str, Any]:
 
 def frames(clip: Clip, first: int) -> bytes:
     """Encode a clip's frames as a binary message (``wire.FRAMES_HEADER``); ``first``: number of the first frame."""
+    from signsplice.service.wire import FRAMES_HEADER, FRAMES_MAGIC  # a page is written without the extra too
+
     n_frames, n_joints = clip.local_rotations.shape[:2]
     rows = np.empty((n_frames, 3 + 4 * n_joints), "<f4")
     rows[:, :3] = clip.root_positions

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 from pydantic import ConfigDict, Field
 
-from signsplice.formats import WIRE_SUFFIXES
+from signsplice.formats import WIRE_FORMATS
 from signsplice.lexicon import sentence
 from signsplice.splicing import engine, result, seam
 from signsplice.splicing.durations import DURATIONS, FASTEST_S, SLOWEST_S
@@ -23,7 +23,7 @@ from signsplice.splicing.lptransformer import SHIPPED
 from signsplice.splicing.options import AUTO
 from signsplice.splicing.person import FREE_HANDS, NATURAL
 
-FORMAT_NAMES = tuple(suffix.removeprefix(".") for suffix in WIRE_SUFFIXES)
+FORMAT_NAMES = WIRE_FORMATS
 """Names of the file formats that the service accepts and sends."""
 PICTURES = ("png", "gif")
 """A contact sheet and a film, which it draws."""

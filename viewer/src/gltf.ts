@@ -1,0 +1,38 @@
+/** Reads binary glTF files: what is packed with meshopt too. */
+
+import { type GLTF, GLTFLoader, type GLTFLoaderPlugin, type GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
+import { checkTrees } from './fit/mesh.js';
+
+const DRACO = 'KHR_draco_mesh_compression'; // its decoder would make the page a quarter larger
+
+interface Document {
+  animations?: { extras?: { fps?: number } }[];
+  nodes?: object[];
+  extensions?: object;
+  extensionsUsed?: string[];
+  extensionsRequired?: string[];
+}
+
+export function isGltf(content: Uint8Array): boolean {
+  return new TextDecoder().decode(content.subarray(0, 4)) === 'glTF';
+}
+
+/** The JSON part of a .glb. */
+export function documentOf(content: Uint8Array): Document {
+  if (!isGltf(content)) throw new Error('it is no binary glTF file');
+  const size = new DataView(content.buffer, content.byteOffset).getUint32(12, true);
+  return JSON.parse(new TextDecoder().decode(content.subarray(20, 20 + size))) as Document;
+}
+
+/** What a .glb holds. Throws one line for a file whose nodes are no trees, or that is packed with Draco. */
+export async function readGltf(content: Uint8Array<ArrayBuffer>, plugin?: (parser: GLTFParser) => GLTFLoaderPlugin): Promise<GLTF> {
+  const document = documentOf(content);
+  checkTrees(document); // a loop of nodes never loads
+  const { extensionsUsed = [], extensionsRequired = [] } = document;
+  if (extensionsRequired.includes(DRACO)) throw new Error(`it is packed with Draco, which is not read; \`npx @gltf-transform/cli copy IN.glb OUT.glb\` unpacks it`);
+  const loader = new GLTFLoader();
+  // Loaded by need, since it runs WebAssembly, which some pages forbid.
+  if (extensionsUsed.some((name) => name.endsWith('_meshopt_compression'))) loader.setMeshoptDecoder((await import('meshoptimizer/decoder')).MeshoptDecoder);
+  if (plugin) loader.register(plugin);
+  return loader.parseAsync(content.slice().buffer, '');
+}
