@@ -60,7 +60,7 @@ def site(installed: Path) -> Iterator[str]:
     esbuild = VIEWER / "node_modules/.bin/esbuild"
     run(esbuild, "react.tsx", "--bundle", "--jsx=automatic", "--outfile=react.js", "--log-level=warning", cwd=root)
     signsplice = (sys.executable, "-m", "signsplice")
-    run(*signsplice, "sentence", "HELLO MY fs-AB", "-o", "hello.glb", "--report", "hello.json", cwd=root)
+    run(*signsplice, "sentence", "HELLO MY fs-AB", "-o", "hello.glb", cwd=root)
     run(*signsplice, "convert", "hello.glb", "hello.vrma", cwd=root)
     narrow = avatars.body("narrow")
     avatars.write(root / "avatar.vrm", narrow, avatars.tubes(narrow), axes=False, hair=False)

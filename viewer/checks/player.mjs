@@ -95,7 +95,7 @@ await heard(react, 'ready');
 result.react = { axe: await axe(react), drawn: await drawn(react) };
 await react.getByText('Slowly').click();
 result.react.rate = (await state(react)).rate;
-await react.evaluate(() => (document.querySelector('sign-player').src = 'hello.json'));
+await react.evaluate(() => (document.querySelector('sign-player').src = 'hello.glb?again'));
 await heard(react, 'ready', 2);
 await react.locator('sign-player button').first().click();
 await react.waitForFunction(() => document.querySelector('p output').textContent !== '');

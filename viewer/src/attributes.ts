@@ -10,7 +10,7 @@ const VIEWS: readonly string[] = ['front', 'side', 'hands'] satisfies View[];
 const Base = globalThis.HTMLElement ?? (class {} as typeof HTMLElement); // a page that is rendered on a server has none
 
 export class Attributes extends Base {
-  /** Address of a .glb, a .vrma, an answer of /v1/sentence or a report (.json). */
+  /** Address of a .glb, a .vrma or an answer of /v1/sentence. */
   get src(): string { return this.getAttribute('src') ?? ''; }
   set src(address: string) { this.setAttribute('src', address); }
   /** Address of an avatar (.vrm or .glb) that signs; else the file's own figure does. */

@@ -6,6 +6,7 @@ import { checkTrees } from './fit/mesh.js';
 const DRACO = 'KHR_draco_mesh_compression'; // its decoder would make the page a quarter larger
 
 interface Document {
+  extras?: { signsplice_report?: string };
   animations?: { extras?: { fps?: number } }[];
   nodes?: object[];
   extensions?: object;

@@ -147,7 +147,7 @@ export class SignPlayer extends Attributes {
     this.#stage.ariaBusy = 'true';
     try {
       const avatar = await this.#avatarContent(signal);
-      if (this.src) await this.#showSource(await readSource(this.#absolute(this.src), avatar !== null, signal), avatar, signal);
+      if (this.src) await this.#showSource(await readSource(this.#absolute(this.src), signal), avatar, signal);
       else if (!line.length) await this.#showAtRest(avatar!, signal);
       else if (line.length > MOST_AT_ONCE) await this.#showStream(line, avatar, signal);
       else {

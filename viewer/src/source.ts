@@ -23,23 +23,19 @@ export function sourceOf(scene: Spliced): Source {
   return { name: scene.name, scene, glb, vrma };
 }
 
-/** The source at an address: a .glb, a .vrma, an answer of /v1/sentence, or a report with its motion beside it. */
-export async function readSource(address: string, hasAvatar: boolean, signal: AbortSignal): Promise<Source> {
+/** The source at an address: a .glb, a .vrma, or an answer of /v1/sentence. */
+export async function readSource(address: string, signal: AbortSignal): Promise<Source> {
   const content = await bytesAt(address, signal);
   const name = decodeURIComponent(new URL(address).pathname.split('/').at(-1)!.replace(/\.\w+$/, ''));
-  if (isGltf(content)) return fileSource(name, null, content);
-  let json: Partial<Spliced & Report>;
+  if (isGltf(content)) return fileSource(name, content);
+  let json: Partial<Spliced>;
   try {
-    json = JSON.parse(new TextDecoder().decode(content)) as Partial<Spliced & Report>;
+    json = JSON.parse(new TextDecoder().decode(content)) as Partial<Spliced>;
   } catch {
-    throw new Error(`${name} is neither a .glb, a .vrma nor a report (.json)`);
+    throw new Error(`${name} is neither a .glb, a .vrma nor JSON`);
   }
   if (json.files && json.report) return sourceOf({ name, units: [], fit: null, ...json } as Spliced);
-  if (!json.spans || !json.seams) throw new Error(`${name} is JSON, but no report of signsplice`);
-  const beside = (suffix: string) => bytesAt(address.replace(/\.\w+(?=[?#]|$)/, `.${suffix}`), signal);
-  const motion = hasAvatar ? await beside('vrma').catch(() => beside('glb')) : await beside('glb');
-  const { units = [] } = json;
-  return fileSource(name, { ...bareScene(name, 30, 1), report: json as Report, units }, motion);
+  throw new Error(`${name} is JSON, but no answer of /v1/sentence`);
 }
 
 /** The person who signs a source: its own figure, or an avatar. */
@@ -80,7 +76,15 @@ export function isStill(content: Content): boolean {
   return isGltf(content) && !documentOf(content).animations?.length;
 }
 
-function fileSource(name: string, scene: Spliced | null, content: Content): Source {
-  const isVrma = 'VRMC_vrm_animation' in (documentOf(content).extensions ?? {});
-  return { name, scene, glb: isVrma ? null : content, vrma: isVrma ? content : null };
+function fileSource(name: string, content: Content): Source {
+  const { extensions, extras } = documentOf(content);
+  const isVrma = 'VRMC_vrm_animation' in (extensions ?? {});
+  return { name, scene: sceneIn(name, extras?.signsplice_report), glb: isVrma ? null : content, vrma: isVrma ? content : null };
+}
+
+/** The scene that a file's own report tells of, as JSON text; null where it has none. */
+function sceneIn(name: string, text: unknown): Spliced | null {
+  if (typeof text !== 'string') return null;
+  const { units = [], ...report } = JSON.parse(text) as Report & Partial<Pick<Spliced, 'units'>>;
+  return report.spans && report.seams ? { ...bareScene(name, 30, 1), report, units } : null;
 }
