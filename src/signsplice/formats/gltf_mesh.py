@@ -313,8 +313,8 @@ class MeshReader(SkeletonDocument):
         origin: FloatArray,
         moved: Sequence[tuple[str, int, float]],
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
-        """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry. ``moved``:
-        name of a morph, number of a morph target, and its weight in the morph.
+        """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry.
+        ``moved``: name of a morph, number of a morph target, and its weight in the morph.
         """
         if _DRACO in (primitive.get("extensions") or {}):
             raise self._error(f"its meshes are compressed by {_DRACO}, which is not read; {UNPACK}")
@@ -339,11 +339,11 @@ class MeshReader(SkeletonDocument):
         morphs: dict[str, FloatArray] = {}
         targets = primitive.get("targets") or []
         for name, target, weight in moved:
-            number = as_object(targets[target]).get("POSITION") if target < len(targets) else None
+            number: Any = as_object(targets[target]).get("POSITION") if target < len(targets) else None
             stored = {} if number is None else self._row(self.json.get("accessors"), number, "accessor")
             if stored.get("bufferView") is not None or stored.get("sparse") is not None:  # else all zero
                 moves = weight * np.einsum("vab,vb->va", blend, self._values(number)[used])
-                morphs[name] = morphs.get(name, 0.0) + moves
+                morphs[name] = morphs[name] + moves if name in morphs else moves
         part = MeshPart(
             vertices=vertices,
             normals=self._normals(attributes, used, blend, vertices, triangles),
@@ -364,7 +364,9 @@ class MeshReader(SkeletonDocument):
         vertices: FloatArray,
         triangles: NDArray[np.int64],
     ) -> FloatArray:
-        """Return the normals (V, 3) that a primitive stores, or those of its shape. ``blend``: (V, 3, 3) to the rest."""
+        """Return the normals (V, 3) that a primitive stores, or those of its shape; ``blend``: (V, 3, 3) to the rest
+        pose.
+        """
         if attributes.get("NORMAL") is None:
             return normals(vertices, triangles)
         stored = np.einsum("vab,vb->va", blend, self._values(attributes["NORMAL"])[used])

@@ -1,8 +1,7 @@
 """Drawing with OpenGL on EGL: a graphics card, or Mesa's llvmpipe, which needs none and no display.
 
-Three passes: depth as the key light sees it, the figure at several samples a pixel, and a last one that averages
-the samples, adds the shadow, and draws outlines as ``raster.Canvas.finish`` does. Colours are squared for linear light, and
-their root is taken at the end: close to sRGB's curve, and one instruction.
+Joints carry the vertices once. Then depth is drawn as the key light sees it, then the figure at several samples a
+pixel, and a last pass averages the samples, adds the shadow, and draws outlines as ``raster.Canvas.finish`` does.
 """
 
 from __future__ import annotations
@@ -223,7 +222,7 @@ class Renderer:
 
 
 def _to_light(view: View) -> tuple[float, ...]:
-    """Return the matrix (4 x 4, by columns) from camera axes to the shadow map's, in which the view's ball is -1 to 1."""
+    """Return the matrix (4 x 4, by columns) from camera axes to the shadow map's, where the view's ball is -1 to 1."""
     right = np.cross([0.0, 1.0, 0.0], view.light)
     right /= np.linalg.norm(right)
     centre, radius = view.ball
