@@ -117,11 +117,12 @@ void main() {
     vec4 own = textureGather(keys, at);
     vec4 right = textureGather(keys, at + vec2(pixel.x, 0.0)), left = textureGather(keys, at - vec2(pixel.x, 0.0));
     vec4 below = textureGather(keys, at + vec2(0.0, pixel.y)), above = textureGather(keys, at - vec2(0.0, pixel.y));
-    float nearest = most(max(max(right, left), max(below, above))), group = fract(own.x);
+    vec4 nearest = max(max(right, left), max(below, above));
+    float group = fract(own.x);
     vec4 beside = vec4(right.x, left.x, below.x, above.x), groups = fract(beside);
     vec4 meets = step(0.03, abs(groups - group)) * step(0.03, groups) * step(own.x - STEP * PER_STATURE, beside);
     float meeting = group > 0.03 && own.x > 1.0 && dot(meets, step(1.0, beside)) > 0.0 ? 0.73 : 1.0;
-    vec4 lines = mix(vec4(meeting), vec4(0.43), greaterThan(vec4(nearest - STEP * PER_STATURE), own));
+    vec4 lines = mix(vec4(meeting), vec4(0.43), greaterThan(nearest - STEP * PER_STATURE, own));
     vec2 place = (at * 2.0 - 1.0) / window.zw * vec2(1.0, -1.0) + window.xy;
     vec3 seen = 0.5 + 0.5 * (to_light * vec4(place, most(own) / PER_STATURE - DEPTHS, 1.0)).xyz - vec3(0.0, 0.0, BIAS);
     vec3 aside = vec3(vec2(0.5 / SHADOW_PX), 0.0);
