@@ -33,6 +33,8 @@ _LIGHT = (0.45, 0.62, 0.78)
 """Towards the key light, at the signer's front left: left, up and forward."""
 _MOST_TEXELS = 1024
 """Largest width and height of a texture; larger ones are made smaller."""
+_OF_FINGER = 0.9
+"""Weight of a finger's joints above which skin is its own, and no web or palm: outlines separate fingers."""
 _LEGS = ("leg", "shoe")
 """Body parts that the camera may crop."""
 
@@ -224,7 +226,8 @@ def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
     main_joint = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]  # (V,)
     counts = [len(part.triangles) for part in parts]
     triangles = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)])
-    finger = fingers[main_joint[triangles[:, 0]]]
+    shares = np.stack([(weights * (fingers[joints] == n)).sum(axis=1) for n in range(1, len(FINGERS) + 1)])  # (5, V)
+    finger = np.where(shares.max(axis=0) > _OF_FINGER, shares.argmax(axis=0) + 1, 0)[triangles[:, 0]]
     part_of = np.repeat(np.arange(len(parts)), counts)
     n_finger = np.bincount(part_of, finger > 0, len(parts))
     has_hand = (n_finger >= 0.1 * n_finger.max())[part_of]  # of others, such as sleeves, a hand carries the edge
