@@ -15,10 +15,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.render.raster import AMBIENT, BACKGROUND, DEPTH_TONE, KEY, OUTLINE_STEP, RIM, Pixels, View
+from signsplice.render.raster import AMBIENT, BACKGROUND, DEPTH_TONE, KEY, OUTLINE_STEP, RIM, Camera, Pixels
 
 if TYPE_CHECKING:
-    from signsplice.render.picture import Skin, Surface
+    from signsplice.render.skin import Skin, Surface
 
 LACK = (
     "pictures are drawn without OpenGL: pip install 'signsplice[video]' and Mesa's EGL (apt install libegl1 "
@@ -140,7 +140,7 @@ class Renderer:
         self.gl: Any = import_module("moderngl")
         self.context: Any = self.gl.create_context(standalone=True, backend="egl", require=430)
         self.context.gc_mode = "context_gc"  # other threads may drop what belongs to this one's context
-        self._models: WeakKeyDictionary[Skin, _Model] = WeakKeyDictionary()
+        self._models: WeakKeyDictionary[Skin, _SkinBuffers] = WeakKeyDictionary()
         shadow = self.context.depth_texture((_SHADOW_PX, _SHADOW_PX))
         shadow.compare_func, shadow.repeat_x, shadow.repeat_y = "<=", False, False
         self._shadow = self.context.framebuffer(depth_attachment=shadow)
@@ -172,14 +172,14 @@ class Renderer:
         large = self.context.framebuffer([colours, keys], self.context.depth_renderbuffer(size))
         return large, self.context.simple_framebuffer((width, height), 4)
 
-    def draw(self, skin: Skin, vertices: Pixels, bones: Pixels, view: View, hand: str | None) -> NDArray[np.uint8]:
+    def draw(self, skin: Skin, vertices: Pixels, bones: Pixels, view: Camera, hand: str | None) -> NDArray[np.uint8]:
         """Return a picture (H, W, 3), 0..255, of a skin with ``vertices`` (V, 3) in its bind pose and ``bones``
         (J, 3, 4) from there to camera axes, statures. ``hand``: "left" or "right", to draw only that hand.
         """
         context, gl = self.context, self.gl
         context.gc()
         if skin not in self._models:
-            self._models[skin] = _Model(self, skin)
+            self._models[skin] = _SkinBuffers(self, skin)
         model = self._models[skin]
         self._shadow.use()  # OpenGL also skins with a framebuffer only
         model.place(vertices, bones)
@@ -222,7 +222,7 @@ class Renderer:
         return shown[..., :3].copy()
 
 
-def _to_light(view: View) -> tuple[float, ...]:
+def _to_light(view: Camera) -> tuple[float, ...]:
     """Return the matrix (4 x 4, by columns) from camera axes to the shadow map's, where the view's ball is -1 to 1."""
     right = np.cross([0.0, 1.0, 0.0], view.light)
     right /= np.linalg.norm(right)
@@ -233,7 +233,7 @@ def _to_light(view: View) -> tuple[float, ...]:
     return tuple(matrix.T.ravel().tolist())
 
 
-class _Model:
+class _SkinBuffers:
     """A skin in the buffers of a context.
 
     surfaces: its surfaces.
@@ -278,7 +278,7 @@ class _Model:
         self._bones.bind_to_storage_buffer(0)
         self._skinning.transform(self._skinned)
 
-    def box(self, bones: Pixels, view: View) -> tuple[int, int, int, int]:
+    def box(self, bones: Pixels, view: Camera) -> tuple[int, int, int, int]:
         """Return left, top, width and height, pixels, of a box around the figure: each vertex lies among the places to
         which its joints carry the box around their vertices.
         """

@@ -32,7 +32,7 @@ _EDGE = np.float32(-1e-4)
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Camera:
     """A camera with its light; depths and places in camera axes (right, up, towards the viewer), statures.
 
     width, height: of the picture, pixels.

@@ -15,7 +15,8 @@ import numpy as np
 from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
-from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene, pillow
+from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
+from signsplice.render.skin import pillow
 
 
 @dataclass(frozen=True)
