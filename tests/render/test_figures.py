@@ -183,6 +183,19 @@ def test_render_shows_the_files_own_figure(signsplice: Callable[..., str]) -> No
     assert [is_red(name) for name in ("red.png", "converted.png", "house.png")] == [True, True, False]
 
 
+def test_a_figure_that_cannot_be_read_is_named_and_the_mannequin_drawn(signsplice: Callable[..., str]) -> None:
+    text, blob = chunks("red", Path("red.glb").read_bytes())
+    document = json.loads(text)
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            primitive["extensions"] = {"KHR_draco_mesh_compression": {}}
+    Path("packed.glb").write_bytes(pack(document, blob))
+    err = signsplice("render", "packed.glb", "packed.png")
+    assert "KHR_draco_mesh_compression" in err
+    assert "the mannequin is drawn instead" in err
+    assert not is_red("packed.png")
+
+
 @pytest.mark.parametrize(
     "call",
     [

@@ -14,7 +14,7 @@ import click
 from signsplice import formats
 from signsplice.cli.options import combine_options, flag, option, preset, two_numbers
 from signsplice.cli.terminal import note, progress, warn
-from signsplice.errors import InputError, LimitError
+from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import ReadAs
 from signsplice.formats.atomic import check_writable
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
@@ -182,12 +182,18 @@ def load_avatar(path: str, roles: Mapping[str, str] | None = None, skin: Sequenc
 
 
 def with_figure(clip: Clip, path: str, output: str) -> Clip:
-    """Return a clip with the figure in its file, if the output is a picture, which shows it."""
+    """Return a clip with the figure in its file, if the output is a picture, which shows it; warn of a figure that
+    cannot be read.
+    """
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         return clip
     from signsplice.formats import avatar
 
-    return avatar.with_figure(clip, path, limits())
+    try:
+        return avatar.with_figure(clip, path, limits())
+    except FormatError as error:
+        warn([f"{error}; the mannequin is drawn instead"])
+        return clip
 
 
 def read_roles(path: str | None) -> dict[str, str] | None:

@@ -206,14 +206,9 @@ class Renderer:
         for unit, texture in enumerate(samples.color_attachments):
             texture.use(unit)
         self._shadow.depth_attachment.use(2)
-        for name, value in (
-            ("colours", 0),
-            ("keys", 1),
-            ("shadow", 2),
-            ("to_light", to_light),
-            ("window", window),
-            ("pixel", (1.0 / view.width, 1.0 / view.height)),
-        ):
+        pixel = 1.0 / view.width, 1.0 / view.height
+        values = {"colours": 0, "keys": 1, "shadow": 2, "to_light": to_light, "window": window, "pixel": pixel}
+        for name, value in values.items():
             self._finish[name] = value
         context.enable_only(gl.NOTHING)
         self._triangle.render(gl.TRIANGLES, 3)
@@ -286,10 +281,9 @@ class _SkinBuffers:
         middle = np.einsum("jab,jb->ja", bones[:, :2, :3], 0.5 * (low + high)) + bones[:, :2, 3]
         reach = np.einsum("jab,jb->ja", np.abs(bones[:, :2, :3]), 0.5 * (high - low)) + _MARGIN
         size = np.array([view.width, view.height])
-        at = (
-            np.stack([np.nanmin(middle - reach, axis=0), np.nanmax(middle + reach, axis=0)]) - view.centre
-        ) * view.scale
-        (left, bottom), (right, top) = np.clip(at + 0.5 * size, 0, size).astype(int).tolist()
+        edges = np.stack([np.nanmin(middle - reach, axis=0), np.nanmax(middle + reach, axis=0)])
+        at = (edges - view.centre) * view.scale + 0.5 * size
+        (left, bottom), (right, top) = np.clip(at, 0, size).astype(int).tolist()
         return left, view.height - top, right - left, top - bottom
 
 
@@ -297,7 +291,8 @@ class _SurfaceBuffers:
     """A surface of a skin in the buffers of a context; ``arrays``: of the skin's vertices."""
 
     def __init__(self, renderer: Renderer, skin: Skin, surface: Surface, arrays: list[Any]) -> None:
-        self._renderer, self._skin, self._surface, self._arrays = renderer, skin, surface, arrays
+        self._renderer, self._surface, self._arrays = renderer, surface, arrays
+        self._triangles, self._hands = skin.triangles[surface.triangles], skin.hands[surface.triangles]
         self._array = cache(self._make_array)
         self._texture, pixels = renderer.white, surface.pixels
         if pixels is not None:
@@ -307,10 +302,8 @@ class _SurfaceBuffers:
             self._texture.filter = gl.LINEAR_MIPMAP_NEAREST, gl.LINEAR
 
     def _make_array(self, casts: bool, hand: str | None) -> Any:
-        context, rows = self._renderer.context, self._surface.triangles
-        triangles = self._skin.triangles[rows]
-        if hand is not None:
-            triangles = triangles[self._skin.hands[rows] == hand]
+        context = self._renderer.context
+        triangles = self._triangles if hand is None else self._triangles[self._hands == hand]
         defined = [] if self._surface.pixels is None else ["TEXTURED"]
         sources = (_SHADOW_VERTEX, _SHADOW_FRAGMENT) if casts else (_VERTEX, _FRAGMENT)
         program = self._renderer.surface_program(*sources, *defined, *["MASKED"] * (self._surface.cutoff > 0.0))

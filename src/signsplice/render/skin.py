@@ -103,9 +103,8 @@ def skin_of(skeleton: Skeleton) -> Skin:
 def join_parts(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
     """Joins parts into one mesh, ordered by material. Each finger is a group, so that outlines separate fingers."""
     materials: dict[tuple[bytes, float, bool], list[MeshPart]] = {}
-    for part in parts:
-        if part.cutoff <= 1.0:
-            materials.setdefault((part.texture, part.cutoff if part.texture else 0.0, part.both_sides), []).append(part)
+    for part in [part for part in parts if part.cutoff <= 1.0] or parts:  # above 1, their material hides them
+        materials.setdefault((part.texture, part.cutoff if part.texture else 0.0, part.both_sides), []).append(part)
     parts = [part for same in materials.values() for part in same]
     ends = np.cumsum([0, *(sum(len(part.triangles) for part in same) for same in materials.values())]).tolist()
     surfaces = [
