@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from signsplice.body.surface_nets import surface
 from signsplice.render.raster import Canvas, Pixels, lit
 
+LIGHT = np.array([0.6, 0.0, 0.8], np.float32)
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)
 
 
@@ -26,7 +27,8 @@ def canvas_with(*balls: tuple[tuple[float, float, float], float, tuple[float, fl
     for group, (centre, radius, tint) in enumerate(balls):
         points, normals, triangles = ball(centre, radius)
         tints = np.tile(np.array(tint, np.float32), (len(triangles), 1))
-        canvas.mesh(points, lit(normals), triangles, tints, np.full(len(triangles), group, np.int16))
+        light = np.stack([lit(normals, LIGHT), lit(-normals, LIGHT)])
+        canvas.mesh(points, light, triangles, tints, np.full(len(triangles), group, np.int16))
     return canvas
 
 
@@ -55,7 +57,7 @@ def test_triangles_of_every_size_agree_with_a_plain_rasterizer() -> None:
     light = rng.uniform(0.2, 1.0, 180).astype(np.float32)
     triangles, groups = np.arange(180).reshape(60, 3), np.arange(60).astype(np.int16)
     canvas = Canvas(100, 80)
-    canvas.mesh(points.reshape(-1, 3), light, triangles, np.ones((60, 3), np.float32), groups)
+    canvas.mesh(points.reshape(-1, 3), np.stack([light, light]), triangles, np.ones((60, 3), np.float32), groups)
     depth, group, shade = np.full((80, 100), -np.inf), np.full((80, 100), -1), np.zeros((80, 100))
     rows, columns = np.mgrid[0:80, 0:100]
     for n, corners in enumerate(points.astype(float)):

@@ -106,15 +106,18 @@ TRUNK_SIZES = TrunkSizes()
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of the mesh in one colour.
+    """A part of the mesh of one material.
 
     name: of the part, with its side.
-    colour: sRGB, 0 to 1.
+    colour: sRGB, 0 to 1; its texture is multiplied by it.
     vertices, normals: (V, 3) in the bind pose, clip units, the root at the origin.
     triangles: (F, 3) indices of vertices.
     joints, weights: (V, 4) joints that carry each vertex, and their weights; unused ones have weight 0.
-    morphs: coefficient of a face -> vertices that it moves (N,), and their moves at 1 (N, 3).
+    morphs: control of the face, known to ``motion.face`` -> vertices that it moves (N,), and their moves at 1 (N, 3).
     uvs: (V, 2) texture coordinates, v down; None without texture.
+    texture: its picture, as encoded in a file (PNG, JPEG, WebP); empty for none.
+    cutoff: least alpha of the texture that is visible; 0 if it is opaque.
+    both_sides: whether it is visible from inside.
     """
 
     name: str
@@ -126,6 +129,9 @@ class MeshPart:
     weights: FloatArray
     morphs: Mapping[str, tuple[NDArray[np.int64], FloatArray]] = field(default_factory=dict)
     uvs: FloatArray | None = None
+    texture: bytes = b""
+    cutoff: float = 0.0
+    both_sides: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from signsplice import formats
-from signsplice.cli.options import combine_options, flag, option
-from signsplice.cli.terminal import progress, warn
-from signsplice.errors import InputError, LimitError
+from signsplice.cli.options import combine_options, flag, option, preset, two_numbers
+from signsplice.cli.terminal import note, progress, warn
+from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import ReadAs
 from signsplice.formats.atomic import check_writable
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, ReadLimits
@@ -33,6 +33,11 @@ SKIN = option(
     multiple=True,
 )
 """Option of commands with ``--avatar``; may be repeated."""
+PICTURES = combine_options(
+    preset("--view", "front", "VIEW", "View of a picture: front, three-quarter or side."),
+    option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]"),
+)
+"""Options of commands that write pictures."""
 Spans = Sequence[tuple[str, str, int, int]]
 """Kind, name, first frame and end (exclusive) of each span."""
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -176,6 +181,21 @@ def load_avatar(path: str, roles: Mapping[str, str] | None = None, skin: Sequenc
     return read_avatar(path, roles, limits(), skin)
 
 
+def with_figure(clip: Clip, path: str, output: str) -> Clip:
+    """Return a clip with the figure in its file, if the output is a picture, which shows it; warn of a figure that
+    cannot be read.
+    """
+    if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
+        return clip
+    from signsplice.formats import avatar
+
+    try:
+        return avatar.with_figure(clip, path, limits())
+    except FormatError as error:
+        warn([f"{error}; the mannequin is drawn instead"])
+        return clip
+
+
 def read_roles(path: str | None) -> dict[str, str] | None:
     """Read role -> joint name from a file; None without a file."""
     from signsplice.formats import roles as roles_file
@@ -198,6 +218,20 @@ def check_outputs(output: str, report: str | None = None, inputs: Iterable[str |
     if Path(output).suffix.lower() == ".bvh":  # a face is written beside it
         sidecars = [Path(source).with_suffix(".csv") for source in inputs if source and Path(source).suffix]
         check_apart(str(Path(output).with_suffix(".csv")), [*inputs, *sidecars])
+
+
+def check_skin(skin: Sequence[str], avatar: str | None) -> None:
+    """Raise ``InputError`` for names of skin without an avatar."""
+    if skin and avatar is None:
+        raise InputError("--skin names meshes of an avatar, expected --avatar too")
+
+
+def parse_size(output: str, view: str, size: str | None) -> tuple[int, int] | None:
+    """Parse the size of a film. Raises ``InputError``, before any work, for options that an output does not have."""
+    if Path(output).suffix.lower() not in PICTURE_SUFFIXES and (view != "front" or size is not None):
+        raise InputError(f"{output}: --view and --size are for pictures: {', '.join(PICTURE_SUFFIXES)}")
+    expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
+    return None if size is None else two_numbers(size.lower(), "x", expected)
 
 
 def check_output(path: str, inputs: Iterable[str | Path | None]) -> None:
@@ -260,8 +294,9 @@ def write(
     ``warns_of_lost``: whether to warn of parts of a face that the figure cannot show.
     """
     if Path(output).suffix.lower() in PICTURE_SUFFIXES:
-        from signsplice.render import film
+        from signsplice.render import film, gpu
 
+        note([] if gpu.renderer() else [gpu.LACK])
         with progress(f"rendering {Path(output).name}") as advance:
             film.write_pictures(clip, output, [film.Mark(*span) for span in spans], view, advance, size)
         return

@@ -9,19 +9,23 @@ from typing import TYPE_CHECKING
 import click
 
 from signsplice.cli.clips import (
+    PICTURES,
     SKIN,
     check_outputs,
+    check_skin,
     faces_of,
     load,
     load_avatar,
     load_body,
+    parse_size,
     read_as,
     reads_clips,
     reads_faces,
     report_of,
+    with_figure,
     write,
 )
-from signsplice.cli.options import AS_JSON, option, preset, two_numbers
+from signsplice.cli.options import AS_JSON, option
 from signsplice.cli.terminal import one_line, warn
 from signsplice.errors import InputError
 from signsplice.render import PICTURE_SUFFIXES
@@ -82,8 +86,7 @@ def convert(
     """Turn one file into another, by suffix; with --onto or --avatar, for another body."""
     if onto is not None and avatar is not None:
         raise InputError("--onto and --avatar each name a body, expected one of them")
-    if skin and avatar is None:
-        raise InputError("--skin names meshes of an avatar, expected --avatar too")
+    check_skin(skin, avatar)
     body = onto if avatar is None else avatar
     if report is not None and body is None:
         raise InputError("--report describes what --onto does, or --avatar, expected one of them too")
@@ -95,7 +98,7 @@ def convert(
     if mouth is not None:
         clip = _mouthing(clip, mouth)
     if body is None:
-        write(clip, output)
+        write(with_figure(clip, source, output), output)
         print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
         return
     from signsplice.body.capsules import body_capsules
@@ -128,21 +131,39 @@ def _mouthing(clip: Clip, sampa: str) -> Clip:
 @click.argument("source", metavar="IN")
 @click.argument("output", metavar=f"OUT.({'|'.join(suffix[1:] for suffix in PICTURE_SUFFIXES)})")
 @option("--report", "R.json", "Report of the splice, if it is not in the file.")
-@preset("--view", "front", "VIEW", "View: front, three-quarter or side.")
-@option("--size", "WxH", "Of a film, pixels, e.g. 1920x1080.  [default: .mp4 1080x1080, .gif 480x480]")
+@option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that signs.  [default: the figure in IN, else the house's]")
+@SKIN
+@PICTURES
 @reads_clips
-def render(source: str, output: str, report: str | None, view: str, size: str | None) -> None:
+def render(
+    source: str,
+    output: str,
+    report: str | None,
+    avatar: str | None,
+    skin: tuple[str, ...],
+    view: str,
+    size: str | None,
+) -> None:
     """Draw the signer: a contact sheet (.png), or a film (.gif, .mp4)."""
     if Path(output).suffix.lower() not in PICTURE_SUFFIXES:
         expected = f"expected a name that ends in {', '.join(PICTURE_SUFFIXES)}"
         raise InputError(f"{output}: {expected}; use convert for other files")
-    check_outputs(output, inputs=[source, report])
-    clip = load(source)
+    check_skin(skin, avatar)
+    check_outputs(output, inputs=[source, report, avatar])
+    film_size = parse_size(output, view, size)
+    clip = load(source, warns=avatar is None)
     stored = report_of(clip, source, report)
     rows = [] if stored is None else stored["spans"]
     spans = [(span["kind"], span["name"] or "", *span["output"]) for span in rows]
-    expected = f"--size {size!r}, expected WIDTHxHEIGHT in pixels, e.g. 1920x1080"
-    write(clip, output, spans, view, None if size is None else two_numbers(size.lower(), "x", expected))
+    if avatar is None:
+        clip = with_figure(clip, source, output)
+    else:
+        from signsplice.body.retarget import retarget
+
+        done = retarget(clip, load_avatar(avatar, read_as().roles, skin))
+        warn(done.warnings)
+        clip = done.clip
+    write(clip, output, spans, view, film_size)
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
 

@@ -14,15 +14,18 @@ import click
 
 from signsplice.cli.clips import (
     OUTPUT_SUFFIXES,
+    PICTURES,
     SKIN,
     apply_rest_pose,
     check_apart,
     check_outputs,
+    check_skin,
     faces_of,
     limits,
     load,
     load_avatar,
     load_body,
+    parse_size,
     read_as,
     reads_clips,
     reads_faces,
@@ -62,6 +65,7 @@ _joining_options = combine_options(
     BUNDLE,
     option("--avatar", "A.vrm", "Avatar (.vrm, .glb, .fbx) that signs; a .glb is its own file."),
     SKIN,
+    PICTURES,
     option(
         "--avoid-collisions/--no-avoid-collisions",
         None,
@@ -209,16 +213,18 @@ def _begin(
     report: str | None,
     avatar: str | None,
     skin: tuple[str, ...],
+    view: str,
+    size: str | None,
     **dials: Any,
 ) -> tuple[_Target, Chosen]:
     """Return the target of a call, and the result of ``read`` for its dials, before any clip is read. Raises
     ``InputError`` for an output that is one of ``inputs`` or another file that the call reads.
     """
     check_outputs(output, report, [*inputs, avatar, dials.get("onto"), *_networks(**dials)])
-    chosen = read(**dials)
-    if skin and avatar is None:
-        raise InputError("--skin names meshes of an avatar, expected --avatar too")
-    return _Target(output, report, None if avatar is None else load_avatar(avatar, skin=skin)), chosen
+    film_size, chosen = parse_size(output, view, size), read(**dials)
+    check_skin(skin, avatar)
+    signer = None if avatar is None else load_avatar(avatar, skin=skin)
+    return _Target(output, report, signer, view, film_size), chosen
 
 
 def _splice_options(
@@ -271,11 +277,15 @@ def _networks(
 
 @dataclass(frozen=True)
 class _Target:
-    """Target of a call's result: the files of the clip and of its report, and the avatar that signs."""
+    """Target of a call's result: the files of the clip and of its report, the avatar that signs, and the view and the
+    size of pictures.
+    """
 
     output: str
     report: str | None
     avatar: Avatar | None
+    view: str
+    size: tuple[int, int] | None
 
     def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
         """Write the clip and the report with the keys ``more``, and print the warnings and a line about the clip."""
@@ -290,7 +300,7 @@ class _Target:
         is_recorded = result.face is not None and bool(result.face.recorded)
         spans = [(span.kind, span.name or "", *span.output) for span in result.spans]
         clip = copy_unchecked(result.clip, report={**(result.clip.report or {}), **more})
-        write(clip, self.output, spans, warns_of_lost=is_recorded)
+        write(clip, self.output, spans, self.view, self.size, warns_of_lost=is_recorded)
         save_ms = 1e3 * (time.perf_counter() - began)
         if self.report is not None:
             reports.write(reports.describe(result, {"load": load_ms, "save": save_ms}) | {**more}, self.report)

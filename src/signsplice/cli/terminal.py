@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -14,8 +15,8 @@ from signsplice.errors import MissingExtraError
 if TYPE_CHECKING:
     from rich.console import Console
 
-_LONG = 500
-"""Minimum number of steps for which progress is printed without a terminal."""
+_LINE_S = 10.0
+"""Seconds from one line of progress to the next without a terminal."""
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """Controls of ASCII and Latin-1 but tab and line feed, marks that break lines or override their direction (Unicode
 Standard Annex 9), and surrogates, which stand for bytes of file names that are not UTF-8.
@@ -95,11 +96,14 @@ def open_console() -> Console:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show a progress bar on standard error if that is a terminal, otherwise a line for each tenth of long work."""
+    """Show a progress bar on standard error if that is a terminal, otherwise a line every ten seconds."""
     if not sys.stderr.isatty():
+        told = time.monotonic()
 
         def tell(done: int, total: int) -> None:
-            if total >= _LONG and done % (total // 10) == 0:
+            nonlocal told
+            if time.monotonic() - told >= _LINE_S:
+                told = time.monotonic()
                 print(f"{what}: {done:,} of {total:,}", file=sys.stderr, flush=True)
 
         yield tell

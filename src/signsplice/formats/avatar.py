@@ -21,14 +21,13 @@ import copy
 import json
 import struct
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
-from signsplice.body.capsules import Avatar, AvatarFile
+from signsplice.body.capsules import Avatar, AvatarFile, MeshPart
 from signsplice.body.contacts import REGIONS
 from signsplice.body.skin import fit_skin
 from signsplice.errors import InputError
@@ -42,6 +41,7 @@ from signsplice.formats.gltf_writer import DocumentWriter
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, format_errors, read_bytes, stem
 from signsplice.motion import Clip, EndSite, FloatArray, Skeleton, rotation
 from signsplice.motion.face import bone_quats, target_weights
+from signsplice.motion.kinematics import rest_positions
 from signsplice.rig.align import place, placement
 from signsplice.rig.info import RigInfo, rig_info
 from signsplice.rig.roles import FINGERS, SIDES
@@ -176,8 +176,6 @@ def _drop_empty_values(value: Any) -> Any:
 
 AVATAR_SUFFIXES = (".vrm", ".glb", ".gltf", ".fbx")
 """Suffixes that ``read_avatar`` reads."""
-_IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2")} | {".jpg": "image/jpeg"}
-"""Suffix -> media type."""
 _BEHIND = np.diag([-1.0, 1.0, -1.0])
 _MOST_MISSED = 4
 _MOST_TREES = 4
@@ -210,6 +208,21 @@ def parse_avatar(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS)
     return _parse_content(content, file, limits, None, {}, ())
 
 
+def with_figure(clip: Clip, path: str | Path, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:
+    """Return a clip that was read from a file, on an ``Avatar`` whose mesh is the figure that the file's skins bind to
+    the clip's joints; the clip itself if there is none. Raises as ``read_avatar`` does.
+    """
+    suffix, content = Path(path).suffix.lower(), b""
+    if suffix in (".glb", ".gltf", ".fbx"):
+        content = read_bytes(path, limits.file_bytes)
+    with format_errors(str(path), "figure"), np.errstate(all="ignore"):
+        if suffix == ".fbx":
+            content = as_glb(content, str(path), Path(path).parent, limits)
+        parts = AvatarReader(str(path), content, limits, Path(path).parent).figure(clip.skeleton) if content else ()
+    known = {field.name: getattr(clip.skeleton, field.name) for field in fields(Skeleton)}
+    return replace(clip, skeleton=Avatar(**known, label=clip.name, mesh=parts)) if parts else clip
+
+
 def avatars_in(path: Path) -> list[Path]:
     """Return the file itself, or the avatar files of a folder. Raises ``InputError`` if the folder has none."""
     if not path.is_dir():
@@ -239,12 +252,15 @@ def _parse_content(
 class AvatarReader(MeshReader):
     """A document whose avatar is being read."""
 
+    def __init__(self, file: str, content: bytes, limits: ReadLimits, folder: Path | None) -> None:
+        super().__init__(file, content, limits, folder)
+        if DRACO in (self.json.get("extensionsUsed") or ()):
+            self._unpack(unpack_meshes)
+
     def avatar(self, roles: Mapping[str, str], content: bytes, skin: Sequence[str]) -> Avatar:
         """Return the avatar in ``content``; ``roles``: role -> joint name, which override the file's; ``skin``: names
         of meshes, nodes or materials that are skin.
         """
-        if DRACO in (self.json.get("extensionsUsed") or ()):
-            self._unpack(unpack_meshes)
         nodes = self._roles(roles)
         order = self._joint_order(set(nodes.values()))
         _, _, names = self._tree(order)
@@ -265,7 +281,7 @@ class AvatarReader(MeshReader):
         avatar = replace(avatar, is_vrm=bool({VRM_0, VRM_1} & {*extensions}), file=file, warnings=lacks)
         # Joints without a role stay at rest: their vertices follow the nearest ancestor with a role.
         rows = {node: k for k, node in enumerate(order) if k == 0 or node in nodes.values()}
-        parts, points, is_doubtful = self.read_meshes(rows, turn, origin, skin)
+        parts, points, is_doubtful = self.read_meshes(rows, turn, origin, skin, controls)
         if self.n_unread_parts:
             n_parts = f"{self.n_unread_parts} mesh part{'s' * (self.n_unread_parts > 1)}"
             lacks = (*lacks, f"{avatar.label}: holds {n_parts} without indexed triangles, not read")
@@ -278,13 +294,40 @@ class AvatarReader(MeshReader):
             lines = (f"{line}; contacts on it are not measured",)
         return replace(avatar, mesh=parts, body=body, warnings=(*lacks, *lines))
 
+    def figure(self, skeleton: Skeleton) -> tuple[MeshPart, ...]:
+        """Return the mesh that joints of a clip of this file carry, in the rest pose of its skeleton; empty if there is
+        none. Joints of a clip have the world's axes in the bind pose of their skin (``gltf_reader``).
+        """
+        skinned = {joint for skin in self.skins for joint in skin["joints"]}
+        channels = [row for animation in (self.json.get("animations") or ())[:1] for row in animation["channels"]]
+        if not skinned:
+            return ()
+        order = self._joint_order(skinned, {channel["target"].get("node") for channel in channels})
+        nodes = dict(zip(self._tree(order)[2], order, strict=True))
+        if not set(skeleton.names) <= nodes.keys():
+            return ()
+        bound = {node: matrix for skin in reversed(self.skins) if (matrices := self._bind_matrices(skin)) is not None
+                 for node, matrix in zip(skin["joints"], np.linalg.inv(matrices), strict=True)}  # fmt: skip
+        rows = {nodes[name]: k for k, name in enumerate(skeleton.names)}
+        worlds: dict[int, FloatArray] = {}
+        for node, position in zip(rows, rest_positions(skeleton), strict=True):
+            above = worlds.get(self.parents.get(node, -1), np.eye(4))
+            axes = rotation.to_matrix(rotation.nearest(bound.get(node, above @ self._matrix(node))[:3, :3]))
+            worlds[node] = np.eye(4)
+            worlds[node][:3, :3] = np.linalg.norm(self.world(node)[:3, :3], axis=0).mean() * axes
+            worlds[node][:3, 3] = position
+        self._worlds = worlds
+        return self.read_meshes(rows, np.eye(3), np.zeros(3), face=face_controls(self)[0])[0]
+
     def _whole(self, content: bytes) -> bytes:
         """Return the file as one .glb that names no other file; unchanged if it already is one. An image that is
         missing or lies outside of the file's folder stays a name.
         """
         buffers: list[Fields] = self.json.get("buffers") or []
         pictures = {
-            n: image_file for n, image in enumerate(self.json.get("images") or ()) if (image_file := self._image(image))
+            n: image_file
+            for n, image in enumerate(self.json.get("images") or ())
+            if (image_file := self.image_file(image))
         }
         if content[:4] == b"glTF" and not pictures and len(buffers) == 1 and "uri" not in buffers[0]:
             return content
@@ -302,19 +345,6 @@ class AvatarReader(MeshReader):
             blob += picture + b"\0" * (-len(picture) % 4)
         document["buffers"] = [{"byteLength": len(blob)}]
         return pack(document, bytes(blob))
-
-    def _image(self, image: Fields) -> tuple[str, bytes] | None:
-        """Return media type and bytes of an image file in the document's folder or below; None for any other image."""
-        uri = image.get("uri")
-        if self.folder is None or not isinstance(uri, str) or uri.startswith("data:"):
-            return None
-        path = (self.folder / unquote(uri)).resolve()
-        kind = _IMAGES.get(path.suffix.lower())
-        if kind is None or not path.is_relative_to(self.folder.resolve()) or not path.is_file():
-            return None
-        content = read_bytes(path, self.limits.file_bytes - self.given_bytes)
-        self.given_bytes += len(content)
-        return kind, content
 
     def _skeleton(self, order: list[int], roles: Mapping[str, str], turn: FloatArray) -> Avatar:
         """Return the skeleton of nodes ``order`` at rest, turned, with finger tips as end sites."""

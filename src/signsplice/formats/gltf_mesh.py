@@ -6,24 +6,29 @@ decide nothing unless they are given; the name of a material can make its vertic
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Mapping, Sequence, Set
 from functools import cached_property
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.capsules import N_JOINTS, MeshPart
+from signsplice.body.capsules import N_JOINTS, FaceControl, MeshPart
 from signsplice.body.skin_surface import SkinPoints
 from signsplice.errors import InputError
 from signsplice.formats.gltf_document import VRM_0, Fields, SkeletonDocument
 from signsplice.formats.json_files import as_object
-from signsplice.formats.reading import ReadLimits
+from signsplice.formats.reading import ReadLimits, read_bytes
 from signsplice.motion import FloatArray, rotation
 
 _TRIANGLES = 4
 """glTF's primitive mode for triangles."""
+_IMAGES = {f".{kind}": f"image/{kind}" for kind in ("png", "jpeg", "webp", "ktx2")} | {".jpg": "image/jpeg"}
+"""Suffix -> media type."""
 _VERTEX_BYTES = 400
 """Bytes of memory counted for a vertex."""
 _INDEX_BYTES = 64
@@ -71,6 +76,7 @@ class MeshReader(SkeletonDocument):
         self._worlds: dict[int, FloatArray] = {}
         self._triangles_of: dict[int, list[Fields]] = {}
         self._skins: dict[int, _Bones] = {}
+        self._pictures: dict[int, bytes] = {}
         self.n_unread_parts = 0
         """Number of mesh parts that are not read: not triangles, or without indices."""
 
@@ -96,7 +102,12 @@ class MeshReader(SkeletonDocument):
         return matrix
 
     def read_meshes(
-        self, rows: Mapping[int, int], turn: FloatArray, origin: FloatArray, skin_names: Sequence[str] = ()
+        self,
+        rows: Mapping[int, int],
+        turn: FloatArray,
+        origin: FloatArray,
+        skin_names: Sequence[str] = (),
+        face: Sequence[FaceControl] = (),
     ) -> tuple[tuple[MeshPart, ...], SkinPoints, NDArray[np.bool_]]:
         """Return the meshes that joints carry, their V vertices that joints with skin carry, and whether each of these
         (V,) is doubtful, by the name of its material.
@@ -104,6 +115,7 @@ class MeshReader(SkeletonDocument):
         rows: joint node -> row of the skeleton. Positions are turned by ``turn`` (3, 3), and relative to ``origin``.
         skin_names: meshes, nodes and materials that are skin: all others are then cloth. If empty, names of materials
         tell what is cloth, unless they hold "skin". Raises ``InputError`` for a name that matches none.
+        face: controls whose morph targets are read.
         """
         self._carriers = self._carriers_of(rows)
         self._mesh_bytes = 0
@@ -120,9 +132,12 @@ class MeshReader(SkeletonDocument):
             primitives = self._triangle_primitives(fields["mesh"])
             self.n_unread_parts += len(mesh["primitives"]) - len(primitives)
             for primitive in primitives:
-                material = self._material(primitive)[0]
+                material = str(self._material(primitive).get("name"))
                 names = {str(mesh.get("name")), str(fields.get("name")), material}
-                part, on_skin = self._part(primitive, bones, turn, origin)
+                moved = [
+                    (control.name, index, weight) for control in face for n, index, weight in control.binds if n == node
+                ]
+                part, on_skin = self._part(primitive, bones, turn, origin, moved)
                 parts.append(part)
                 seen |= names
                 is_named = not names.isdisjoint(skin_names)
@@ -214,19 +229,74 @@ class MeshReader(SkeletonDocument):
         groups = as_object(as_object(extensions.get(VRM_0)).get("secondaryAnimation")).get("boneGroups") or ()
         return nodes | {bone for group in groups for bone in as_object(group).get("bones") or ()}
 
-    def _material(self, primitive: Fields) -> tuple[str, tuple[float, float, float]]:
-        """Return name and colour, sRGB 0 to 1, of a primitive's material."""
+    def _material(self, primitive: Fields) -> Fields:
         number = primitive.get("material")
-        material = {} if number is None else self._row(self.json.get("materials"), number, "material")
-        factor = as_object(material.get("pbrMetallicRoughness")).get("baseColorFactor") or [1.0] * 4
-        linear = np.clip(np.array(factor[:3], np.float64).reshape(3), 0.0, 1.0)
-        red, green, blue = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).tolist()
-        return str(material.get("name")), (red, green, blue)
+        material: Fields = {} if number is None else self._row(self.json.get("materials"), number, "material")
+        return material
+
+    def _surface(self, primitive: Fields, used: NDArray[np.int64]) -> dict[str, Any]:
+        """Return the fields of a ``MeshPart`` that its material sets, for the vertices ``used``."""
+        material = self._material(primitive)
+        surface = as_object(material.get("pbrMetallicRoughness"))
+        factor = np.array((surface.get("baseColorFactor") or [1.0] * 4)[:4], np.float64)
+        linear = np.clip(factor[:3].reshape(3), 0.0, 1.0)
+        colour = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        info, cutoff = as_object(surface.get("baseColorTexture")), 0.0
+        if (mode := material.get("alphaMode")) in ("MASK", "BLEND"):
+            least = material.get("alphaCutoff", 0.5) if mode == "MASK" else 0.5
+            cutoff = float(least) / max(float(factor[3:].sum()), 1e-3)
+        uvs, texture = primitive["attributes"].get(f"TEXCOORD_{info.get('texCoord', 0)}"), b""
+        if info and uvs is not None:
+            texture = self._texture(self._row(self.json.get("textures"), info.get("index"), "texture"))
+        fields: dict[str, Any] = {"colour": tuple(colour.tolist()), "cutoff": cutoff, "texture": texture}
+        if texture:
+            shift = as_object(as_object(info.get("extensions")).get("KHR_texture_transform"))
+            fields["uvs"] = self._values(uvs)[used] * (shift.get("scale") or 1.0) + (shift.get("offset") or 0.0)
+        return {"name": str(material.get("name")), "both_sides": material.get("doubleSided") is True, **fields}
+
+    def _texture(self, texture: Fields) -> bytes:
+        """Return the encoded picture of a texture; empty if it is missing or of a kind that is not read."""
+        number = as_object(as_object(texture.get("extensions")).get("EXT_texture_webp")).get("source")
+        number = texture.get("source") if number is None else number
+        if number is None:
+            return b""
+        if number not in self._pictures:
+            image = self._row(self.json.get("images"), number, "image")
+            if (view_number := image.get("bufferView")) is not None:
+                view = self._row(self.json.get("bufferViews"), view_number, "bufferView")
+                start = view.get("byteOffset", 0)
+                self._pictures[number] = self._buffer(view.get("buffer"))[start : start + view["byteLength"]]
+            elif str(image.get("uri")).startswith("data:"):
+                self._pictures[number] = base64.b64decode(image["uri"].partition(",")[2])
+            else:
+                self._pictures[number] = (self.image_file(image) or ("", b""))[1]
+        return self._pictures[number]
+
+    def image_file(self, image: Fields) -> tuple[str, bytes] | None:
+        """Return media type and bytes of an image file in the document's folder or below; None for any other image."""
+        uri = image.get("uri")
+        if self.folder is None or not isinstance(uri, str) or uri.startswith("data:"):
+            return None
+        path = (self.folder / unquote(uri)).resolve()
+        kind = _IMAGES.get(path.suffix.lower())
+        if kind is None or not path.is_relative_to(self.folder.resolve()) or not path.is_file():
+            return None
+        if uri not in self._files:
+            self._files[uri] = read_bytes(path, self.limits.file_bytes - self.given_bytes)
+            self.given_bytes += len(self._files[uri])
+        return kind, self._files[uri]
 
     def _part(
-        self, primitive: Fields, bones: _Bones, turn: FloatArray, origin: FloatArray
+        self,
+        primitive: Fields,
+        bones: _Bones,
+        turn: FloatArray,
+        origin: FloatArray,
+        moved: Sequence[tuple[str, int, float]],
     ) -> tuple[MeshPart, NDArray[np.bool_]]:
-        """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry."""
+        """Return a primitive in the rest pose, and the mask (V,) of its vertices that joints with skin carry.
+        ``moved``: name of a morph, number of a morph target, and its weight in the morph.
+        """
         attributes, (matrices, rows, carries_skin) = primitive["attributes"], bones
         # Counted for each part, even if parts share an accessor, or nodes a mesh.
         indices = self._values(primitive["indices"])[:, 0]
@@ -237,17 +307,49 @@ class MeshReader(SkeletonDocument):
         if not len(used) or used[0] < 0 or used[-1] >= len(positions) or positions.shape[1] != 3:
             raise self._error(f"a mesh of {len(positions)} vertices has triangles of others")
         joints, weights = self._read_skinning(attributes, used, len(rows))
-        homogeneous = np.concatenate([positions[used], np.ones((len(used), 1))], axis=1)
-        placed = np.zeros((len(used), 3))
+        blend = np.zeros((len(used), 3, 4))
         for k in range(joints.shape[1]):
-            placed += weights[:, k, None] * np.einsum("vab,vb->va", matrices[joints[:, k], :3], homogeneous)
+            blend += weights[:, k, None, None] * matrices[joints[:, k], :3]
+        placed = np.einsum("vab,vb->va", blend[..., :3], positions[used]) + blend[..., 3]
         if not np.isfinite(placed).all():
             raise self._error("a vertex is not finite")
-        loose = (weights * ~carries_skin[joints]).sum(axis=1)
-        name, colour = self._material(primitive)
+        blend = turn @ blend[..., :3]
         vertices, triangles = (placed - origin) @ turn.T, triangles.reshape(-1, 3)
-        part = MeshPart(name, colour, vertices, normals(vertices, triangles), triangles, rows[joints], weights)
-        return part, loose < 0.5
+        morphs: dict[str, FloatArray] = {}
+        targets = primitive.get("targets") or []
+        for name, target, weight in moved:
+            number: Any = as_object(targets[target]).get("POSITION") if target < len(targets) else None
+            stored = {} if number is None else self._row(self.json.get("accessors"), number, "accessor")
+            if stored.get("bufferView") is not None or stored.get("sparse") is not None:  # else all zero
+                moves = weight * np.einsum("vab,vb->va", blend, self._values(number)[used])
+                morphs[name] = morphs[name] + moves if name in morphs else moves
+        part = MeshPart(
+            vertices=vertices,
+            normals=self._normals(attributes, used, blend, vertices, triangles),
+            triangles=triangles,
+            joints=rows[joints],
+            weights=weights,
+            morphs={name: (at, moves[at]) for name, moves in morphs.items()
+                    if len(at := np.flatnonzero(moves.any(axis=1)))},
+            **self._surface(primitive, used),
+        )  # fmt: skip
+        return part, (weights * ~carries_skin[joints]).sum(axis=1) < 0.5
+
+    def _normals(
+        self,
+        attributes: Fields,
+        used: NDArray[np.int64],
+        blend: FloatArray,
+        vertices: FloatArray,
+        triangles: NDArray[np.int64],
+    ) -> FloatArray:
+        """Return the normals (V, 3) that a primitive stores, or those of its shape; ``blend``: (V, 3, 3) to the rest
+        pose.
+        """
+        if attributes.get("NORMAL") is None:
+            return normals(vertices, triangles)
+        stored = np.einsum("vab,vb->va", blend, self._values(attributes["NORMAL"])[used])
+        return np.asarray(stored / np.maximum(np.linalg.norm(stored, axis=1, keepdims=True), 1e-12))
 
     def _read_skinning(
         self, attributes: Fields, used: NDArray[np.int64], n_bones: int

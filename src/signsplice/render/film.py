@@ -17,7 +17,8 @@ from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.render import PICTURE_SUFFIXES
 from signsplice.render.picture import Scene, detail_colours, draw, make_scene
-from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption, pillow, write_line, write_sheet
+from signsplice.render.sheet import INK, PAPER, SIGN, TRANSITION, Mark, caption, write_line, write_sheet
+from signsplice.render.skin import pillow
 
 __all__ = ["Mark", "Progress", "find_ffmpeg", "gif_timing", "write_pictures"]
 

@@ -2,65 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
-from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, TIP_COLOURS, bind_pose, body_mesh, capsule_mesh
+from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules, capsule_ends
+from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, TIP_COLOURS, capsule_mesh
 from signsplice.errors import InputError
-from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
-from signsplice.motion.face import Face
-from signsplice.render.raster import Canvas, Pixels, lit
+from signsplice.motion import Clip, FloatArray, Skeleton, kinematics
+from signsplice.motion.face import target_weights
+from signsplice.render import gpu
+from signsplice.render.raster import OUTLINE_STEP, Camera, Canvas, Pixels, Texture, lit
+from signsplice.render.skin import Skin, join_parts, skin_of
 from signsplice.rig.align import placement
 from signsplice.rig.info import rig_info
-from signsplice.rig.roles import FINGERS, SIDES
+from signsplice.rig.roles import SIDES
 
 Image = NDArray[np.uint8]
 
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 """View -> angle of the camera about the vertical, degrees."""
 
+_LIGHT = (0.45, 0.62, 0.78)
+"""Towards the key light, at the signer's front left: left, up and forward."""
 _LEGS = ("leg", "shoe")
 """Body parts that the camera may crop."""
-
-
-@dataclass(frozen=True, eq=False)
-class Skin:
-    """The mannequin as a single mesh in its bind pose: V vertices, F triangles, J joints.
-
-    vertices: (V, 3) clip units.
-    normals: (V, 3) unit vectors.
-    weights: (V, J) skinning weights, sparse.
-    triangles: (F, 3) indices of vertices.
-    tints: (F, 3) colour of each triangle, sRGB 0 to 1.
-    morphs: coefficient of the face -> vertices that it moves (N,), and their displacement at 1 (N, 3).
-    groups: (F,) number of the triangle's finger, 0 for all other parts.
-    hands: (F,) "left" or "right" for triangles of a hand, else "".
-    rotations: (J, 3, 3) global rotations of the joints in the bind pose.
-    positions: (J, 3) positions of the joints in the bind pose, clip units.
-    """
-
-    vertices: Pixels
-    normals: Pixels
-    weights: csr_array
-    triangles: NDArray[np.intp]
-    tints: Pixels
-    morphs: Mapping[str, tuple[NDArray[np.intp], Pixels]]
-    groups: NDArray[np.int16]
-    hands: NDArray[np.str_]
-    rotations: FloatArray
-    positions: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A clip of T frames, ready to draw. Camera axes are right, up, towards the viewer; the unit is stature.
 
-    skin: the mannequin.
+    skin: the figure.
     rotations: (T, J, 3, 3) global rotations of joints.
     positions: (T, J, 3) positions of joints in the world, clip units.
     axes: (3, 3) rows are the camera axes in the world.
@@ -68,8 +42,10 @@ class Scene:
     height: stature, clip units.
     window: left, right, bottom and top of the camera's view: head and hands in every frame.
     hands: (T, 2, 3) centres of the left and right hand.
-    face: the face in every frame; None if the clip has none.
+    face: (T, N) weights of the skin's morphs, in their order; None if the clip has no face.
     depths: median and largest coordinate towards the viewer.
+    light: (3,) unit vector towards the key light, in camera axes.
+    ball: centre (3,) and radius of a ball around the signer's upper body, in camera axes.
     """
 
     skin: Skin
@@ -80,8 +56,10 @@ class Scene:
     height: float
     window: tuple[float, float, float, float]
     hands: FloatArray
-    face: Face | None
+    face: FloatArray | None
     depths: tuple[float, float]
+    light: Pixels
+    ball: tuple[Pixels, float]
 
 
 def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None, above_deg: float = 0.0) -> Scene:
@@ -93,6 +71,10 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     """
     if view not in VIEWS:
         raise InputError(f"no view {view!r}, expected one of {', '.join(VIEWS)}")
+    if isinstance(clip.skeleton, Avatar) and clip.skeleton.file is not None:
+        from signsplice.formats.avatar import with_bones  # a notebook's drawing does without formats
+
+        clip = with_bones(clip, clip.skeleton.file)
     signer = placement(clip)
     skeleton = _with_shown_bones(clip)
     height = rig_info(skeleton).sizes.stature or 1.0
@@ -101,13 +83,19 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     level = np.cos(angle) * signer.forward + np.sin(angle) * leftward
     cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
     axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
-    skin = skeleton.derived[_skin] if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
+    skin = skeleton.derived[skin_of] if body is None else join_parts(skeleton, capsule_mesh(skeleton, body))
     body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
     starts, ends = capsule_ends(body, rotations, positions)
     origin = np.median(starts.reshape(-1, 3), axis=0)
     starts, ends = ((points - origin) @ axes.T / height for points in (starts, ends))
     depths = np.concatenate([starts[..., 2], ends[..., 2]])
+    crown = (_head_points(skin, skeleton, rotations, positions) - origin) @ axes.T / height
+    window = left, right, bottom, top = _window(body, starts, ends, body.radii / height, crown)
+    middle, nearest = float(np.median(depths)), float(depths.max())
+    light = axes @ (_LIGHT[0] * leftward + _LIGHT[1] * signer.up + _LIGHT[2] * signer.forward)
+    centre = 0.5 * np.array([left + right, bottom + top, 2.0 * middle])
+    reach = float(np.linalg.norm([0.5 * (right - left), 0.5 * (top - bottom), nearest - middle]))
     return Scene(
         skin=skin,
         rotations=rotations,
@@ -115,72 +103,13 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
         axes=axes,
         origin=origin,
         height=height,
-        window=_window(body, starts, ends, body.radii / height),
+        window=window,
         hands=_hand_centres(body, starts, ends),
-        face=clip.face,
-        depths=(float(np.median(depths)), float(depths.max())),
+        face=None if clip.face is None or not skin.morphs else target_weights(clip.face, [*skin.morphs])[0],
+        depths=(middle, nearest),
+        light=(light / np.linalg.norm(light)).astype(np.float32),
+        ball=(centre.astype(np.float32), reach),
     )
-
-
-def _skin(skeleton: Skeleton) -> Skin:
-    return _skin_of(skeleton, body_mesh(skeleton))
-
-
-def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
-    """Joins parts into one mesh. Each finger is a group, so that outlines separate fingers."""
-    finger_of = {
-        joint: FINGERS.index(finger) + 1
-        for role, joint in rig_info(skeleton).roles.joints.items()
-        for finger in FINGERS
-        if finger in role
-    }
-    fingers = np.array([finger_of.get(joint, 0) for joint in range(len(skeleton))])
-    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    joints = np.concatenate([part.joints for part in parts])  # (V, 4)
-    weights = np.concatenate([part.weights for part in parts])  # (V, 4)
-    n_vertices, width = joints.shape
-    sparse_weights = csr_array(
-        (weights.ravel().astype(np.float32), joints.ravel(), np.arange(0, n_vertices * width + 1, width)),
-        (n_vertices, len(skeleton)),
-    )
-    main_finger = fingers[np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]]  # (V,)
-    counts = [len(part.triangles) for part in parts]
-    triangles = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)])
-    hands = np.repeat(np.array([_hand_of(part) for part in parts]), counts)
-    finger = main_finger[triangles[:, 0]]
-    global_quats, positions = bind_pose(skeleton)
-    return Skin(
-        vertices=np.concatenate([part.vertices for part in parts]).astype(np.float32),
-        normals=np.concatenate([part.normals for part in parts]).astype(np.float32),
-        weights=sparse_weights,
-        triangles=triangles,
-        tints=np.repeat(np.array([part.colour for part in parts], np.float32), counts, axis=0),
-        morphs=_morphs(parts, starts),
-        groups=np.where(finger > 0, finger + len(FINGERS) * (hands == "left"), 0).astype(np.int16),
-        hands=hands,
-        rotations=rotation.to_matrix(global_quats),
-        positions=positions,
-    )
-
-
-def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tuple[NDArray[np.intp], Pixels]]:
-    """Returns coefficient -> moved vertices of the whole mesh, and their displacement; ``starts``: first vertex of each
-    part.
-    """
-    moved: dict[str, list[tuple[NDArray[np.intp], Pixels]]] = {}
-    for part, start in zip(parts, starts[:-1].tolist(), strict=True):
-        for name, (rows, moves) in part.morphs.items():
-            moved.setdefault(name, []).append((rows + start, moves.astype(np.float32)))
-    return {
-        name: (np.concatenate([r for r, _ in rows]), np.concatenate([m for _, m in rows]))
-        for name, rows in moved.items()
-    }
-
-
-def _hand_of(part: MeshPart) -> str:
-    """Returns the side of a hand or fingertip part, or "" for other parts."""
-    side, _, kind = part.name.partition(" ")
-    return side if kind in ("hand", "creases") or kind.endswith("Tip") else ""
 
 
 def _with_shown_bones(clip: Clip) -> Skeleton:
@@ -192,13 +121,29 @@ def _with_shown_bones(clip: Clip) -> Skeleton:
     return replace(clip.skeleton, offsets=offsets)
 
 
+def _head_points(skin: Skin, skeleton: Skeleton, rotations: FloatArray, positions: FloatArray) -> FloatArray:
+    """Returns the outermost points (T, N, 3) of the head and its hair in the world; none without a head."""
+    head = rig_info(skeleton).roles.joints.get("head")
+    if head is None:
+        return np.zeros((len(positions), 0, 3))
+    carriers = skin.weights.indices.reshape(len(skin.vertices), -1)
+    main = np.take_along_axis(carriers, skin.weights.data.reshape(carriers.shape).argmax(axis=1)[:, None], axis=1)[:, 0]
+    vertices = skin.vertices[np.isin(main, kinematics.subtree(skeleton, head))]
+    ways = np.indices((3, 3, 3)).reshape(3, -1) - 1
+    points = vertices[np.unique((vertices @ ways).argmax(axis=0))] if len(vertices) else vertices
+    turns = rotations[:, head] @ skin.rotations[head].T
+    return np.asarray(positions[:, None, head] + np.einsum("tab,nb->tna", turns, points - skin.positions[head]))
+
+
 def _window(
-    body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray
+    body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray, more: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Returns left, right, bottom and top of the box around all parts except the legs, over all frames."""
+    """Returns left, right, bottom and top of the box around all parts except the legs and ``more`` points (T, N, 3),
+    over all frames.
+    """
     upper = np.array([part not in _LEGS for part in body.parts])
-    points = np.concatenate([starts[:, upper], ends[:, upper]], axis=1)  # (T, 2 C, 3)
-    margins = np.concatenate([radii[upper, :1], radii[upper, :1]])  # (2 C, 1)
+    points = np.concatenate([starts[:, upper], ends[:, upper], more], axis=1)  # (T, 2 C + N, 3)
+    margins = np.concatenate([radii[upper, :1], radii[upper, :1], np.zeros((more.shape[1], 1))])
     low, high = (points - margins).min(axis=(0, 1)), (points + margins).max(axis=(0, 1))
     margin = 0.025
     return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
@@ -221,14 +166,29 @@ def draw(scene: Scene, frame: int, width: int, height: int, hand: str | None = N
     "right", to draw only that hand.
     """
     centre, scale = _fit_window(scene, width, height)
-    canvas, zoom, skin = Canvas(2 * width, 2 * height), 2.0 * scale, scene.skin
-    points, normals = deform_skin(scene, frame)
-    points = (points - np.array([*centre, 0.0], np.float32)) * np.float32(zoom)
-    points += np.array([width, height, 0.0], np.float32)
-    shown = slice(None) if hand is None else np.flatnonzero(skin.hands == hand)
-    canvas.mesh(points, lit(normals), skin.triangles[shown], skin.tints[shown], skin.groups[shown])
     middle, nearest = scene.depths
-    return canvas.finish(step=0.010 * zoom, near=nearest * zoom, far=(middle - 0.1) * zoom)
+    view = Camera(width, height, centre, scale, scene.light, nearest, middle - 0.1, scene.ball)
+    renderer = gpu.renderer()
+    if renderer is None:
+        return _draw_in_numpy(scene, frame, view, hand)
+    return renderer.draw(scene.skin, _with_face(scene, frame), _bones(scene, frame), view, hand)
+
+
+def _draw_in_numpy(scene: Scene, frame: int, view: Camera, hand: str | None) -> Image:
+    """Draws one frame as ``draw`` does, without OpenGL: without shadows, and slower."""
+    canvas, zoom, skin = Canvas(2 * view.width, 2 * view.height), 2.0 * view.scale, scene.skin
+    points, normals = deform_skin(scene, frame)
+    points = (points - np.array([*view.centre, 0.0], np.float32)) * np.float32(zoom)
+    points += np.array([view.width, view.height, 0.0], np.float32)
+    light = np.stack([lit(normals, view.light), lit(-normals, view.light)])
+    for surface in skin.surfaces:
+        rows = np.arange(len(skin.triangles))[surface.triangles]
+        rows = rows if hand is None else rows[skin.hands[rows] == hand]
+        texture = None if surface.pixels is None else Texture(surface.pixels, skin.uvs, surface.cutoff)
+        canvas.mesh(
+            points, light, skin.triangles[rows], skin.tints[rows], skin.groups[rows], texture, surface.both_sides
+        )
+    return canvas.finish(step=OUTLINE_STEP * zoom, near=view.near * zoom, far=view.far * zoom)
 
 
 def _fit_window(scene: Scene, width: int, height: int) -> tuple[tuple[float, float], float]:
@@ -261,27 +221,29 @@ def draw_dots(image: Image, scene: Scene, points: FloatArray, colour: tuple[int,
 
 def deform_skin(scene: Scene, frame: int) -> tuple[Pixels, Pixels]:
     """Returns vertices and normals (V, 3) of the skin in a frame, camera axes, statures (linear blend skinning)."""
+    skin, bones = scene.skin, _bones(scene, frame)
+    blended = (skin.weights @ bones.reshape(len(bones), 12)).reshape(-1, 3, 4)
+    points = np.einsum("vab,vb->va", blended[..., :3], _with_face(scene, frame)) + blended[..., 3]
+    normals = np.einsum("vab,vb->va", blended[..., :3], skin.normals)
+    return points, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.float32(1e-12))
+
+
+def _bones(scene: Scene, frame: int) -> Pixels:
+    """Returns the transforms (J, 3, 4) of the joints in a frame, from the bind pose to camera axes, statures."""
     skin = scene.skin
     rotations = scene.rotations[frame] @ skin.rotations.transpose(0, 2, 1)  # (J, 3, 3), from the bind pose
     shifts = scene.positions[frame] - np.einsum("jab,jb->ja", rotations, skin.positions) - scene.origin
-    rotations, shifts = scene.axes @ rotations, shifts @ scene.axes.T / scene.height
-    transforms = np.concatenate([rotations.reshape(len(rotations), 9), shifts], axis=1).astype(np.float32)  # (J, 12)
-    blended = skin.weights @ transforms  # (V, 12)
-    linear = blended[:, :9].reshape(-1, 3, 3)
-    vertices = _with_face(skin, scene.face, frame) / np.float32(scene.height)
-    points = np.einsum("vab,vb->va", linear, vertices) + blended[:, 9:]
-    normals = np.einsum("vab,vb->va", linear, skin.normals)
-    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    transforms = scene.axes @ np.concatenate([rotations, shifts[..., None]], axis=2) / scene.height
+    return np.ascontiguousarray(transforms, np.float32)
 
 
-def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
+def _with_face(scene: Scene, frame: int) -> Pixels:
     """Returns vertices (V, 3) in the bind pose with the face of a frame."""
-    if face is None:
-        return skin.vertices
-    vertices = skin.vertices.copy()
-    for name, weight in zip(face.channels, face.weights[frame].tolist(), strict=True):
-        if weight > 0.0 and name in skin.morphs:
-            rows, moves = skin.morphs[name]
+    if scene.face is None or not scene.face[frame].any():
+        return scene.skin.vertices
+    vertices = scene.skin.vertices.copy()
+    for (rows, moves), weight in zip(scene.skin.morphs.values(), scene.face[frame].tolist(), strict=True):
+        if weight > 0.0:
             vertices[rows] += np.float32(weight) * moves
     return vertices
 

@@ -1,4 +1,4 @@
-"""A z-buffer rasterizer of shaded triangles, orthographic, in numpy."""
+"""A z-buffer rasterizer of shaded triangles, orthographic, in numpy; and the light that ``gpu`` has too."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ from numpy.typing import NDArray
 Pixels = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
-_LIGHT = np.array([-0.45, 0.62, 0.78], np.float32) / np.float32(np.linalg.norm([-0.45, 0.62, 0.78]))
-"""Unit vector towards the light: right, up, towards the viewer."""
-_AMBIENT = 0.50
-"""Brightness without light."""
-_DIFFUSE = 0.52
-"""Brightness that light adds to a surface that faces it."""
-_RIM = 0.10
-"""Brightness lost at the rim, as a surface turns away from the viewer."""
+BACKGROUND = (0.955, 0.945, 0.925)
+"""Colour behind the figure, 0 to 1."""
+AMBIENT = 0.40, 0.68
+"""Light on a surface that faces down and on one that faces up."""
+KEY = 0.58
+"""Light that the key light adds to a surface that faces it."""
+RIM = 0.10
+"""Light lost at the rim, as a surface turns away from the viewer."""
+DEPTH_TONE = 0.86, 0.18
+"""Brightness of the farthest shade of depth, and what the nearest adds to it."""
+OUTLINE_STEP = 0.010
+"""Depth between two surfaces above which the farther one is outlined, statures."""
 _BOXES = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 64, 128, 512, 4096)
 """Limits of the size of bounding boxes that separate batches of triangles, pixels."""
 _AT_ONCE = 1 << 21
@@ -27,12 +31,57 @@ _EDGE = np.float32(-1e-4)
 """Tolerance of barycentric coordinates, which prevents gaps between triangles."""
 
 
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera with its light; depths and places in camera axes (right, up, towards the viewer), statures.
+
+    width, height: of the picture, pixels.
+    centre: the place in its middle, right and up.
+    scale: pixels a stature.
+    light: (3,) unit vector towards the key light.
+    near, far: depths of the brightest and the darkest shade.
+    ball: centre (3,) and radius of a ball around all that throws a shadow.
+    """
+
+    width: int
+    height: int
+    centre: tuple[float, float]
+    scale: float
+    light: Pixels
+    near: float
+    far: float
+    ball: tuple[Pixels, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A picture on a surface.
+
+    pixels: (H, W, 4) 0..255, with alpha.
+    uvs: (V, 2) coordinates of the vertices, v down; the picture repeats beyond 0 to 1.
+    cutoff: least alpha that is visible, 0 to 1.
+    """
+
+    pixels: NDArray[np.uint8]
+    uvs: Pixels
+    cutoff: float
+
+    def sample(self, corners: Indices, first: Pixels, second: Pixels) -> Pixels:
+        """Returns the nearest pixels (N, 4), 0..1, at points of triangles with ``corners`` (N, 3), given by their
+        ``first`` and ``second`` barycentric coordinates (N,).
+        """
+        height, width = self.pixels.shape[:2]
+        weights = np.stack([first, second, np.float32(1.0) - first - second], axis=1)
+        at = np.einsum("nk,nka->na", weights, self.uvs[corners]) * np.array([width, height], np.float32)
+        column, row = np.floor(at).astype(np.intp).T
+        return np.asarray(self.pixels[row % height, column % width], np.float32) / np.float32(255.0)
+
+
 @dataclass(eq=False)
 class Canvas:
     """A picture under construction.
 
     width, height: pixels.
-    background: colour, 0..1.
     colour: (H, W, 3) 0..1.
     depth: (H, W) towards the viewer, pixels; -inf for empty pixels.
     group: (H, W) group of the triangle at each pixel; -1 for empty pixels. Two groups above 0 that meet at the same
@@ -41,22 +90,32 @@ class Canvas:
 
     width: int
     height: int
-    background: tuple[float, float, float] = (0.955, 0.945, 0.925)
     colour: Pixels = field(init=False)
     depth: Pixels = field(init=False)
     group: NDArray[np.int16] = field(init=False)
 
     def __post_init__(self) -> None:
         self.colour = np.empty((self.height, self.width, 3), np.float32)
-        self.colour[:] = self.background
+        self.colour[:] = BACKGROUND
         self.depth = np.full((self.height, self.width), -np.inf, np.float32)
         self.group = np.full((self.height, self.width), -1, np.int16)
 
-    def mesh(self, points: Pixels, light: Pixels, triangles: Indices, tints: Pixels, groups: NDArray[np.int16]) -> None:
-        """Draw a closed surface of triangles (F, 3); triangles with clockwise corners face away and are skipped.
+    def mesh(
+        self,
+        points: Pixels,
+        light: Pixels,
+        triangles: Indices,
+        tints: Pixels,
+        groups: NDArray[np.int16],
+        texture: Texture | None = None,
+        both_sides: bool = False,
+    ) -> None:
+        """Draw a surface of triangles (F, 3); triangles with clockwise corners face away and are skipped, unless
+        ``both_sides`` are visible.
 
-        points: (V, 3) pixels right, up, and towards the viewer. light: (V,) brightness of each vertex, interpolated
-        over triangles (Gouraud 1971). tints: (F, 3) colour of each triangle. groups: (F,) group of each triangle.
+        points: (V, 3) pixels right, up, and towards the viewer. light: (2, V) brightness of each vertex, from outside
+        and from inside, interpolated over triangles (Gouraud 1971). tints: (F, 3) colour of each triangle. groups: (F,)
+        group of each triangle.
         """
         x, y, z = (points[:, k][triangles] for k in range(3))
         y = np.float32(self.height) - y
@@ -66,7 +125,7 @@ class Canvas:
         left, top = np.maximum(left, 0.0), np.maximum(top, 0.0)
         right, bottom = np.minimum(right, self.width - 1.0), np.minimum(bottom, self.height - 1.0)
         sizes = np.maximum(right - left, bottom - top) + 1.0
-        visible = (area < 0.0) & (right >= left) & (bottom >= top)
+        visible = ((area < 0.0) | (both_sides & (area > 0.0))) & (right >= left) & (bottom >= top)
         samples = [
             part
             for smallest, largest in pairwise(_BOXES)
@@ -77,6 +136,8 @@ class Canvas:
             return
         owner, column, row, first, second = (np.concatenate(part) for part in zip(*samples, strict=True))
         inside = (column < self.width) & (row < self.height)
+        if texture is not None and texture.cutoff > 0.0:
+            inside &= texture.sample(triangles[owner], first, second)[:, 3] >= texture.cutoff
         owner, first, second = owner[inside], first[inside], second[inside]
         pixels = row[inside] * self.width + column[inside]
         third = np.float32(1.0) - first - second
@@ -85,10 +146,12 @@ class Canvas:
         np.maximum.at(depth, pixels, height)
         front = np.flatnonzero(height == depth[pixels])
         owner, pixels = owner[front], pixels[front]
-        corners = light[triangles[owner]]
+        corners = light[(area[owner] > 0.0).astype(np.intp)[:, None], triangles[owner]]
         shade = first[front] * corners[:, 0] + second[front] * corners[:, 1] + third[front] * corners[:, 2]
         group[pixels] = groups[owner]
         colour[pixels] = shade[:, None] * tints[owner]
+        if texture is not None:
+            colour[pixels] *= texture.sample(triangles[owner], first[front], second[front])[:, :3]
 
     def finish(self, step: float, near: float, far: float) -> NDArray[np.uint8]:
         """Returns the picture (H/2, W/2, 3), 0..255: outlined, shaded by depth, and halved in size to smooth edges.
@@ -97,7 +160,7 @@ class Canvas:
         brightest and the darkest shade.
         """
         shown = np.empty((self.height // 2, self.width // 2, 3), np.uint8)
-        shown[:] = np.asarray(self.background, np.float32) * np.float32(255.0) + np.float32(0.5)
+        shown[:] = np.asarray(BACKGROUND, np.float32) * np.float32(255.0) + np.float32(0.5)
         rows, columns = (np.flatnonzero((self.group >= 0).any(axis=axis)) for axis in (1, 0))
         if not rows.size:
             return shown
@@ -106,8 +169,8 @@ class Canvas:
         x0, x1 = max(columns[0] - 2, 0) // 2 * 2, min(columns[-1] + 4, self.width) // 2 * 2
         box = slice(y0, y1), slice(x0, x1)
         group, depth = self.group[box], self.depth[box]
-        tone = (depth - np.float32(far)) * np.float32(0.26 / max(near - far, 1e-6))
-        tone = np.clip(tone, np.float32(0.0), np.float32(0.26)) + np.float32(0.80)
+        least, span = (np.float32(value) for value in DEPTH_TONE)
+        tone = np.clip((depth - np.float32(far)) * span / np.float32(max(near - far, 1e-6)), 0.0, span) + least
         light = _outlines(group, depth, step)
         np.multiply(light, tone, out=light, where=group >= 0)
         picture = self.colour[box] * light[..., None]
@@ -117,11 +180,15 @@ class Canvas:
         return shown
 
 
-def lit(normals: Pixels) -> Pixels:
-    """Returns the brightness (V,) of a surface with unit normals (V, 3): right, up, towards the viewer."""
+def lit(normals: Pixels, light: Pixels) -> Pixels:
+    """Returns factors (V,) on the colours of a surface with unit normals (V, 3), right, up, towards the viewer: the
+    root of its light, as colours are nearly roots too. ``light``: (3,) unit vector towards the key light.
+    """
+    low, high = AMBIENT
     facing = np.clip(normals[:, 2], 0.0, 1.0)
-    light = _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0) - _RIM * (1.0 - facing) ** 3
-    return np.asarray(light, np.float32)
+    ambient = 0.5 * (low + high) + 0.5 * (high - low) * normals[:, 1]
+    linear = ambient + KEY * np.maximum(normals @ light, 0.0) - RIM * (1.0 - facing) ** 3
+    return np.asarray(np.sqrt(linear), np.float32)
 
 
 def _batches(triangles: Indices, side: int) -> list[Indices]:

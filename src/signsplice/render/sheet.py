@@ -7,18 +7,16 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from signsplice.errors import MissingExtraError
 from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, Scene, draw, draw_hand, has_hands, make_scene
+from signsplice.render.skin import pillow
 
 
 @dataclass(frozen=True)
@@ -75,14 +73,6 @@ class Mark:
     def colour(self) -> tuple[int, int, int]:
         """Its colour in a time line."""
         return {"transition": TRANSITION, "retraction": RETRACTION}.get(self.kind, SIGN)
-
-
-def pillow(module: str) -> ModuleType:
-    """Returns a module of Pillow by its name. Raises ``MissingExtraError`` if Pillow is not installed."""
-    try:
-        return import_module(f"PIL.{module}")
-    except ImportError as error:
-        raise MissingExtraError("pictures need Pillow: pip install '.[video]' in signsplice's folder") from error
 
 
 def mark_at(marks: Sequence[Mark], frame: int) -> Mark | None:

@@ -15,7 +15,8 @@ from signsplice.formats.atomic import replacing
 from signsplice.motion import Clip
 from signsplice.progress import Progress, track_progress
 from signsplice.render.picture import Image, draw, make_scene
-from signsplice.render.sheet import INK, PAPER, pillow, write_line
+from signsplice.render.sheet import INK, PAPER, write_line
+from signsplice.render.skin import pillow
 from signsplice.rig.align import Reference, copy_rotations, placement
 from signsplice_workshop.measure.bodies import BODIES, TOUCH_M, scale_bones
 
