@@ -275,7 +275,7 @@ def test_what_is_animated_besides_joints_is_named(tmp_path: Path) -> None:
     ]
     moved = {"path": "translation", "times": [0, 1], "values": [[0.0, 0, 0], [1.0, 0, 0]]}
     channels = [rotating(), {**moved, "node": 2}, {**moved, "node": 3}, {**rotating(), "node": 5}]
-    channels.append({**moved, "node": 6, "path": "weights"})
+    channels.append({**moved, "node": 6, "path": "weights", "values": [[0.0, 0, 0], [1.0, 1.0, 0]]})
     vrm = {
         "specVersion": "1.0",
         "humanoid": {"humanBones": {"hips": {"node": 0}, "spine": {"node": 1}}},

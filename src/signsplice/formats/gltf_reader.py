@@ -7,7 +7,7 @@ rotation is B_parent L B^-1. Keys may have any times; they are sampled at an eve
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +111,7 @@ class _AnimationReader(FaceReader):
             fps,
             name=printable(animation.get("name"), stem(self.file)),
             translations=translations if stretches else None,
-            left_out=left_out(self.json, animation),
+            left_out=left_out(self.json, animation, self._values),
             report=self._report(),
             notes=(*_notes(self.json["animations"]), *self.notes),
             face=self._face(animation, times, fps),
@@ -264,18 +264,17 @@ def _notes(animations: Sequence[Fields]) -> tuple[str, ...]:
     return others_left(f"the file's first animation, {first!r:.80},", other_names)
 
 
-def left_out(document: Fields, animation: Fields) -> tuple[str, ...]:
+def left_out(document: Fields, animation: Fields, values: Callable[[int], FloatArray]) -> tuple[str, ...]:
     """Return names of what an animation moves but a clip does not hold: VRM expressions and morph targets that show no
-    face, properties that a pointer animates, and channels without a node.
+    face, properties that a pointer animates, and channels without a node. ``values``: returns an accessor's.
     """
-    targets = [channel["target"] for channel in animation["channels"]]
-    animated = {target.get("node") for target in targets}
-    names = [*_vrm(document, animated)]
-    for target in targets:
+    rows = [(channel["target"], animation["samplers"][channel["sampler"]]) for channel in animation["channels"]]
+    names = [*_vrm(document, {target.get("node") for target, _ in rows})]
+    for target, sampler in rows:
         if target.get("node") is None and target["path"] != "pointer":
             names.append(f"{target['path']} of no node")
         elif target["path"] == "weights":
-            names += _morph_targets(document, target.get("node"))
+            names += _morph_targets(document, target.get("node"), values(sampler["output"]))
         elif target["path"] == "pointer":
             pointer = as_object(as_object(target.get("extensions")).get(_POINTER)).get("pointer")
             names.append(f"property {pointer}")
@@ -289,10 +288,13 @@ def _vrm(document: Fields, animated: set[Any]) -> Iterator[str]:
             yield f"expression {name}"
 
 
-def _morph_targets(document: Fields, node: Any) -> list[str]:
-    """Return names of a node's morph targets that show no face, or the node's name if the targets have none."""
+def _morph_targets(document: Fields, node: Any, weights: FloatArray) -> list[str]:
+    """Return names of a node's morph targets that ``weights`` move and that show no face, or the node's name if the
+    targets have none.
+    """
     nodes = document.get("nodes") or []
     fields = as_object(nodes[node]) if isinstance(node, int) and 0 <= node < len(nodes) else {}
     if names := target_names(document, node):
-        return [f"morph target {name}" for name in names if shape_of(name) is None]
+        moved = [name for k, name in enumerate(names) if weights.ravel()[k :: len(names)].any()]
+        return [f"morph target {name}" for name in moved if shape_of(name) is None]
     return [f"morph targets of {fields.get('name') or f'node {node}'}"]
