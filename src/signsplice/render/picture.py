@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from signsplice.body.capsules import BodyCapsules, MeshPart, body_capsules, capsule_ends
-from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, TIP_COLOURS, bind_pose, body_mesh, capsule_mesh
+from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, bind_pose, body_mesh, figure_mesh
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.face import Face
@@ -101,7 +101,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     level = np.cos(angle) * signer.forward + np.sin(angle) * leftward
     cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
     axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
-    skin = skeleton.derived[_skin] if body is None else _skin_of(skeleton, capsule_mesh(skeleton, body))
+    skin = skeleton.derived[_skin] if body is None else _skin_of(skeleton, figure_mesh(skeleton, body))
     body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
     starts, ends = capsule_ends(body, rotations, positions)
@@ -180,7 +180,7 @@ def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tu
 def _hand_of(part: MeshPart) -> str:
     """Returns the side of a hand or fingertip part, or "" for other parts."""
     side, _, kind = part.name.partition(" ")
-    return side if kind in ("hand", "creases") or kind.endswith("Tip") else ""
+    return side if kind in ("hand", "creases", "nails") else ""
 
 
 def _with_shown_bones(clip: Clip) -> Skeleton:
@@ -288,7 +288,7 @@ def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
 
 def detail_colours() -> list[tuple[int, int, int]]:
     """Returns colours 0..255 of the small details hands, fingertips and mouth, each from bright to shaded."""
-    tints = [*TIP_COLOURS.values(), *SKIN_COLOURS.values(), PART_COLOURS["mouth"]]
+    tints = [*SKIN_COLOURS.values(), PART_COLOURS["mouth"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 
