@@ -24,8 +24,10 @@ Image = NDArray[np.uint8]
 VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 """View -> angle of the camera about the vertical, degrees."""
 
-_LEGS = ("leg", "shoe")
-"""Body parts that the camera may crop."""
+_CROPPED = ("belly", "hips", *(side + bone for side in SIDES for bone in ("UpperLeg", "LowerLeg", "Foot")))
+"""Capsules that the camera may crop, as their keys begin."""
+_MARGIN = 0.02
+"""Margin of a picture, statures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     """Sets up a clip for drawing from one of ``VIEWS`` with a fixed camera. ``body``: the signer's body, if its
     proportions are unusual; ``above_deg``: elevation of the camera.
 
-    The view reaches from mid-thigh to above the head, and includes the hands in every frame. Raises ``InputError`` for
+    The view reaches from the hips to above the head, and includes the hands in every frame. Raises ``InputError`` for
     another view.
     """
     if view not in VIEWS:
@@ -195,13 +197,13 @@ def _with_shown_bones(clip: Clip) -> Skeleton:
 def _window(
     body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Returns left, right, bottom and top of the box around all parts except the legs, over all frames."""
-    upper = np.array([part not in _LEGS for part in body.parts])
-    points = np.concatenate([starts[:, upper], ends[:, upper]], axis=1)  # (T, 2 C, 3)
-    margins = np.concatenate([radii[upper, :1], radii[upper, :1]])  # (2 C, 1)
+    """Returns left, right, bottom and top of the box around head, chest, arms and hands, over all frames."""
+    shown = np.array([not key.startswith(_CROPPED) for key in body.keys])
+    shown |= not shown.any()
+    points = np.concatenate([starts[:, shown], ends[:, shown]], axis=1)  # (T, 2 C, 3)
+    margins = np.concatenate([radii[shown, :1], radii[shown, :1]])  # (2 C, 1)
     low, high = (points - margins).min(axis=(0, 1)), (points + margins).max(axis=(0, 1))
-    margin = 0.025
-    return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
+    return tuple(np.array([low[0], high[0], low[1], high[1]]) + _MARGIN * np.array([-1.0, 1.0, -1.0, 1.0]))
 
 
 def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
@@ -288,7 +290,7 @@ def _with_face(skin: Skin, face: Face | None, frame: int) -> Pixels:
 
 def detail_colours() -> list[tuple[int, int, int]]:
     """Returns colours 0..255 of the small details hands, fingertips and mouth, each from bright to shaded."""
-    tints = [*SKIN_COLOURS.values(), PART_COLOURS["mouth"]]
+    tints = [*SKIN_COLOURS.values(), PART_COLOURS["lips"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 

@@ -133,14 +133,27 @@ def split_triangles(triangles: Index, heights: Floats) -> tuple[Index, Index, In
     return below, above, pairs, first / (first - second)
 
 
-def refine(triangles: Index, count: int) -> tuple[Index, Index]:
-    """Returns four triangles for each of a mesh of ``count`` vertices, and the two ends (N, 2) of each new vertex."""
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    pairs, number = np.unique(edges, axis=0, return_inverse=True)
-    ab, bc, ca = count + number.reshape(3, -1)
-    a, b, c = triangles.T
-    fine = [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    return np.concatenate(fine), pairs
+def refine(triangles: Index, is_fine: NDArray[np.bool_]) -> tuple[Index, Index]:
+    """Returns triangles whose edges between two fine vertices (V,) are halved, and the two ends (N, 2) of each new
+    vertex.
+    """
+    new: dict[tuple[int, int], int] = {}
+    fine: list[tuple[int, int, int]] = []
+    for corners in triangles.tolist():
+        halves = [
+            new.setdefault((min(a, b), max(a, b)), len(is_fine) + len(new)) if is_fine[a] and is_fine[b] else -1
+            for a, b in zip(corners, (*corners[1:], corners[0]), strict=True)
+        ]
+        if min(halves) >= 0:
+            (a, b, c), (ab, bc, ca) = corners, halves
+            fine += [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        elif max(halves) >= 0:  # two fine corners: one halved edge
+            k = int(np.argmax(halves))
+            a, b, c = (corners[(k + i) % 3] for i in range(3))
+            fine += [(a, halves[k], c), (halves[k], b, c)]
+        else:
+            fine.append((corners[0], corners[1], corners[2]))
+    return np.array(fine, np.intp), np.array([*new], np.intp).reshape(-1, 2)
 
 
 def find_rim(triangles: Index) -> Index:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.rig.roles import SIDES
 from signsplice_workshop.figure.base import (
@@ -21,7 +22,7 @@ from signsplice_workshop.figure.body import ABOVE, Bodies, anchor_shares, bind, 
 
 _HEM, _OVERLAP = -12.5, 5.0
 """Height of the shirt's hem above the hips' joints, and how far the trousers reach above it, cm."""
-_COLLAR = (-1.5, 8.6, 51.2, 0.42)
+_COLLAR = (-1.2, 7.8, 51.6, 0.42)
 """Depth of the middle of the collar and its largest radius, seen from above, its height there, cm, and its slope."""
 _CUFF = 0.88
 """End of the sleeves, in lengths of the forearm."""
@@ -59,9 +60,9 @@ class Sheet:
         whole = Sheet(values[0], values[1], self.triangles, values[2], values[3])
         return whole.rows(below), whole.rows(above)
 
-    def finer(self) -> Sheet:
-        """Returns the sheet with four smaller triangles for each, smoothed."""
-        triangles, pairs = refine(self.triangles, len(self.points))
+    def finer(self, is_fine: NDArray[np.bool_]) -> Sheet:
+        """Returns the sheet with smaller triangles where vertices (V,) are fine, smoothed."""
+        triangles, pairs = refine(self.triangles, is_fine)
         half = np.full(len(pairs), 0.5)
         points, shares, carried = (append_line(v, pairs, half) for v in (self.points, self.shares, self.carried))
         points = smooth(points, triangles, 2)
@@ -101,7 +102,8 @@ def within_collar(points: Floats) -> Floats:
     """Returns how far points (V, 3) lie above the collar's line, cm."""
     depth, radius, height, slope = _COLLAR
     over = (points[:, 1] - height + slope * (points[:, 2] - depth)) / np.hypot(1.0, slope)
-    return np.minimum(radius - np.hypot(points[:, 0], points[:, 2] - depth), over)
+    round_seen = radius - np.hypot(points[:, 0], points[:, 2] - depth)
+    return np.asarray(-np.logaddexp(-round_seen, -over))
 
 
 def along_forearm(bodies: Bodies, points: Floats) -> Floats:
@@ -121,33 +123,43 @@ def make_clothes(bodies: Bodies) -> dict[str, Sheet]:
     x, y, z = points.T
     waist = np.exp(-0.5 * ((y - 14.0) / 9.0) ** 2) * np.clip(np.abs(x) / 15.0, 0.0, 1.0) ** 2 * (np.abs(x) < 21.0)
     leg = np.clip((_HEM - y) / 30.0, 0.0, 1.0) * (y < _HEM)
-    height = 0.25 - 1.6 * waist + 0.4 * leg
+    shoulder = np.clip((y - 41.0) / 6.0, 0.0, 1.0) * np.clip((np.abs(x) - 9.0) / 6.0, 0.0, 1.0)
+    arm = np.clip((np.abs(x) - 19.0) / 4.0, 0.0, 1.0) * (y > 5.0)
+    height = 0.25 - 2.2 * waist + 0.4 * leg - 1.8 * shoulder - 1.0 * arm * (1.0 - shoulder)
     points = follow_capsules(bodies, points, tights.triangles, height, np.ones(len(points)))
     points = smooth(points, tights.triangles, 3)
     tights = replace(tights, points=points, normals=compute_normals(points, tights.triangles))
     names = [*bodies.weights]
-    carried = tights.carried.copy()
+    mean, carried = mean_of_neighbours(tights.triangles, len(tights.points)), tights.carried
+    near = np.clip((tights.points[:, 1:2] - 36.0) / 4.0, 0.0, 1.0) * np.clip((21.0 - np.abs(tights.points[:, :1])) / 4.0, 0.0, 1.0)
+    for _ in range(8):
+        carried = carried + near * (mean @ carried - carried)
     for side in SIDES:
         carried[:, names.index("hips")] += carried[:, names.index(f"{side}UpperLeg")]
         carried[:, names.index(f"{side}UpperLeg")] = 0.0
-    hang = np.clip((4.0 - tights.points[:, 1:2]) / 8.0, 0.0, 1.0)
+    low = np.clip((4.0 - tights.points[:, 1:2]) / 8.0, 0.0, 1.0)
+    hang = np.maximum(low, np.clip(within_collar(tights.points)[:, None] / 4.0 + 1.0, 0.0, 1.0))
     hung = smooth(tights.points, tights.triangles, 30)
     points = tights.points + hang * (hung - tights.points)
-    shirt = replace(tights, points=points, carried=carried).finer()
+    is_fine = (np.abs(points[:, 0]) > 17.0) & (points[:, 1] > 0.0) | (within_collar(points) > -7.0)
+    shirt = replace(tights, points=points, carried=carried).finer(is_fine)
     shirt = shirt.cut(within_collar(shirt.points))[0]
     shirt = shirt.cut(along_forearm(bodies, shirt.points) - _CUFF)[0]
     shirt = shirt.cut(_HEM - shirt.points[:, 1])[0]
     flare = np.clip((_HEM + 14.0 - shirt.points[:, 1]) / 14.0, 0.0, 1.0) ** 1.5
-    shirt = replace(shirt, points=shirt.points + (0.25 + 0.75 * flare)[:, None] * _level(shirt.normals, flare))
+    shirt = replace(shirt, points=shirt.points + (0.25 + 0.45 * flare)[:, None] * _level(shirt.normals, flare))
     shirt = replace(shirt, normals=compute_normals(shirt.points, shirt.triangles))
-    shirt, collar = shirt.cut(within_collar(shirt.points) + _BANDS["collar"])
+    line, mean = within_collar(shirt.points), mean_of_neighbours(shirt.triangles, len(shirt.points))
+    for _ in range(10):
+        line = mean @ line
+    shirt, collar = shirt.cut(line + _BANDS["collar"])
     shirt, cuffs = shirt.cut(along_forearm(bodies, shirt.points) - _CUFF + _BANDS["cuff"])
-    trim = join([thicken(band, 0.14, 0.45, -0.6) for band in (collar, cuffs)])
+    trim = join([thicken(band, 0.14, 0.6, 0.0) for band in (collar, cuffs)])
     lower = tights.cut(tights.points[:, 1] - _HEM - _OVERLAP)[0]
     lower = replace(lower, points=lower.points - 0.45 * np.clip((lower.points[:, 1:2] - _HEM + 6.0) / 6.0, 0.0, 1.0) * lower.normals)
     shoes, trousers = lower.cut(lower.points[:, 1] - _ANKLE)
     trousers = replace(trousers, points=trousers.points + 0.5 * np.clip((-45.0 - trousers.points[:, 1:2]) / 30.0, 0.0, 1.0) * trousers.normals)
-    made = {"shirt": thicken(shirt, 0.0, 0.35, -0.5), "trim": trim, "trousers": thicken(trousers, 0.0, 0.3, -1.0)}
+    made = {"shirt": thicken(shirt, 0.0, 0.35, 1.0), "trim": trim, "trousers": thicken(trousers, 0.0, 0.3, 0.0)}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         made[f"{side} shoe"] = shoes.rows(shoes.triangles[(sign * shoes.points[shoes.triangles, 0] > 0.0).all(axis=1)])
     return {name: to_bind_pose(bodies, sheet) for name, sheet in made.items()}
@@ -183,14 +195,15 @@ def thicken(sheet: Sheet, lift: float, thickness: float, depth_in: float) -> She
     inward -= np.einsum("va,va->v", inward, normal)[:, None] * normal
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-9)
     bottom = outer - thickness * normal
-    back = bottom - depth_in * inward * -1.0 if depth_in > 0 else bottom + (-depth_in) * 2.0 * inward - 0.3 * normal
+    back = bottom + depth_in * inward - 0.3 * normal
     n = len(ends)
     points = np.concatenate([outer, bottom, bottom, back])
     normals = np.concatenate([-inward, -inward, -normal, -normal])
     a, b = corners.T
     quads = [(b, a, a + n), (b, a + n, b + n), (b + 2 * n, a + 2 * n, a + 3 * n), (b + 2 * n, a + 3 * n, b + 3 * n)]
-    rows = np.tile(ends, 4)
-    wall = Sheet(points, normals, np.concatenate([np.stack(q, axis=1) for q in quads]), sheet.shares[rows], sheet.carried[rows])
+    k = 4 if depth_in else 2
+    rows, wall_triangles = np.tile(ends, k), np.concatenate([np.stack(q, axis=1) for q in quads[:k]])
+    wall = Sheet(points[: k * n], normals[: k * n], wall_triangles, sheet.shares[rows], sheet.carried[rows])
     return join([sheet, wall])
 
 

@@ -14,7 +14,7 @@ from signsplice_workshop.figure.body import ABOVE, Bodies
 from signsplice_workshop.figure.clothes import Sheet
 from signsplice_workshop.figure.surface_nets import surface
 
-_STEP, _PALM_BLEND, _FINGER_BLEND, _BLEND = 0.0028, 0.0045, 0.0005, 0.0014
+_STEP, _PALM_BLEND, _FINGER_BLEND, _BLEND = 0.0031, 0.0045, 0.0005, 0.0014
 """Distance of vertices, and radii of the blends within the palm, within a finger, and of these, statures."""
 _SOFTNESS = 0.28
 """Softness of the transition from one joint to the next, in mean radii of the capsule."""

@@ -35,7 +35,7 @@ STATURE_DM = 16.535
 _HEIGHTS = ((-1.2, -1.1), (-0.2, -0.15), (0.3, 0.34), (0.52, 0.62), (0.8, 0.96), (1.88, 2.12))
 """Heights of MakeHuman's head above its joint, dm, and of the mannequin's: neck, chin, mouth, nose, eyes, top."""
 _WIDE, _DEEP = 1.04, 0.95
-_AROUND, _TIMES = 0.13, 4
+_AROUND, _TIMES = 0.40, 4
 """Width of the smooth field, dm, and number of steps along it."""
 
 
@@ -92,25 +92,23 @@ def find_outermost(points: Floats) -> NDArray[np.bool_]:
 
 
 _HAIRLINE = (
-    *((-1.2, 0.12), (-0.6, 0.05), (-0.3, 0.08), (-0.1, 0.35), (0.15, 0.8), (0.34, 0.9)),
-    *((0.5, 1.3), (0.75, 1.6), (1.3, 1.66)),
+    *((-1.2, 0.05), (-0.6, 0.0), (-0.3, 0.05), (-0.1, 0.35), (0.15, 0.8), (0.34, 0.95)),
+    *((0.5, 1.35), (0.62, 1.6), (0.75, 1.68), (1.3, 1.72)),
 )
 """Depth and height of the hairline, dm."""
-_EAR = ((0.70, 0.10), (0.40, 0.27))
-"""Height and depth of the middle of an ear, and its extents, dm."""
+_EAR = ((0.66, 0.10), (0.46, 0.29))
+"""Height and depth of the middle of an ear with the bare skin around it, and its extents, dm."""
 
 
-_STANDS_OUT = 0.05
-"""Distance outside of the mannequin from which on skin belongs to an ear, dm."""
-
-
-def measure_above_hairline(points: Floats, mannequin: Mannequin) -> Floats:
+def measure_above_hairline(points: Floats) -> Floats:
     """Returns how far points (N, 3) lie above the hairline and outside of the ears, dm."""
     depth, height = np.array(_HAIRLINE).T
     middle, reach = np.array(_EAR)
     around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
-    low = np.minimum(around, 10.0 * (_STANDS_OUT - mannequin.depth(points)))
-    return np.asarray(np.minimum(points[:, 1] - np.interp(points[:, 2], depth, height), low))
+    line = np.interp(points[:, 2], depth, height) + 0.012 * np.sin(lock_phase(points))
+    in_front = np.clip((points[:, 2] - 0.35) / 0.3, 0.0, 1.0)
+    line += in_front * (0.20 * np.exp(-(((points[:, 0] - _PARTING) / 0.2) ** 2)) - 0.12)
+    return np.asarray(np.minimum(points[:, 1] - line, around))
 
 
 _LIPS = (0.303, 0.235, 0.105, 0.095)
@@ -249,7 +247,7 @@ def make_head(bodies: Bodies, folder: Path) -> dict[str, tuple[Sheet, dict[str, 
         return below, above
 
     skin, lip = split(skin, measure_within_lips(positions))
-    skin, scalp = split(skin, measure_above_hairline(values[0], mannequin))
+    skin, scalp = split(skin, measure_above_hairline(values[0]))
     positions, carried, shares, *rows = values
     moves = dict(zip(moves, rows, strict=True))
     normals = compute_normals(positions, np.concatenate([skin, lip, scalp]))
@@ -333,11 +331,11 @@ def find_neck(bodies: Bodies) -> Floats:
     """
     sheet = make_sheet(bodies, "body")
     rows = np.unique(bodies.base.groups["body"])
-    is_near = (sheet.points[:, 1] > 41.0) & (within_collar(sheet.points) > -4.0) & (sheet.points[:, 1] < 62.0)
+    is_near = (sheet.points[:, 1] > 41.0) & (within_collar(sheet.points) > -2.2) & (sheet.points[:, 1] < 62.0)
     triangles = sheet.triangles[is_near[sheet.triangles].all(axis=1)]
     used, corners = np.unique(triangles, return_inverse=True)
     triangles, points = corners.reshape(-1, 3), sheet.points[used]
-    height = -0.7 * np.clip((54.5 - points[:, 1]) / 4.0, 0.0, 1.0)
+    height = -0.6 - 1.0 * np.clip(0.4 - within_collar(points), 0.0, 1.0)
     points = follow_capsules(bodies, points, triangles, height, np.ones(len(points)))
     weights = dict(zip(bodies.weights, sheet.carried[used].T, strict=True))
     places = np.full(bodies.base.points.shape, np.nan)
@@ -345,6 +343,8 @@ def find_neck(bodies: Bodies) -> Floats:
     return places
 
 
+_PARTING = 0.28
+"""Distance of the parting to the left, dm."""
 _CROWN = (0.10, -0.45)
 """Where locks begin, left and forward of the head's joint, dm."""
 _LOCKS, _LOCK = 19.0, 0.022
@@ -362,18 +362,20 @@ def lock_phase(points: Floats) -> Floats:
 
 def make_hair(scalp: Sheet, origin: Floats, mannequin: Mannequin) -> Sheet:
     """Returns the hair above the scalp, with locks and an edge."""
-    fine = scalp.finer()
+    fine = scalp.finer(np.ones(len(scalp.points), bool))
     points = 0.1 * (fine.points - origin)
     edge, thick = np.array(_HAIR).T
-    above = measure_above_hairline(points, mannequin)
+    above = measure_above_hairline(points)
     on_top = np.clip((points[:, 1] - 0.9) / 0.9, 0.0, 1.0)
     height = np.interp(above, edge, thick) * (0.55 + 0.75 * on_top)
     far = np.clip(np.hypot(points[:, 0] - _CROWN[0], points[:, 2] - _CROWN[1]) / 0.5, 0.0, 1.0)
     height += _LOCK * far * (1.0 - np.abs(np.sin(0.5 * lock_phase(points))) * 2.0) * np.clip(above / 0.1, 0.3, 1.0)
     placed = points + height[:, None] * mannequin.outward(points)
+    is_front = np.clip((points[:, 2] + 0.3) / 0.3, 0.0, 1.0)
+    height *= 1.0 - 0.6 * is_front * on_top * np.exp(-(((points[:, 0] - _PARTING) / 0.07) ** 2))
     hair = replace(fine, points=10.0 * placed + origin)
     hair = replace(hair, normals=compute_normals(hair.points, hair.triangles))
-    return thicken(hair, 0.0, 0.7, -0.6)
+    return thicken(hair, 0.0, 0.7, 0.0)
 
 
 _EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
