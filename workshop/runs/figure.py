@@ -55,6 +55,9 @@ def build_arrays(folder: Path) -> dict[str, NDArray[Any]]:
     for name, (sheet, _) in parts.items():
         print(f"{name}: {len(sheet.points)} vertices, {len(sheet.triangles)} triangles")
     unit = STEP * bodies.height
+    for name, (sheet, _) in parts.items():
+        bad = np.linalg.norm(sheet.normals, axis=1) < 0.5
+        print(name, bad.sum()) if bad.any() else None
     places = np.array([bodies.bound[name] for name in anchors])
     sheets = [sheet for sheet, _ in parts.values()]
     anchor_rows, anchor_weights = _strongest([sheet.shares for sheet in sheets], len(anchors))

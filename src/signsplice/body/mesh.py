@@ -50,7 +50,7 @@ PART_COLOURS = {
     "hair": (0.27, 0.18, 0.14),
 }
 """Colours of parts that are no skin, sRGB 0 to 1."""
-_SHADES = {"creases": (0.95, 0.93, 0.92), "nails": (1.04, 0.97, 0.97)}
+_SHADES = {"creases": (0.95, 0.93, 0.92), "nails": (1.03, 1.03, 1.03)}
 """Colours of parts of hands, in colours of skin."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that hands and wrists of all rigs are alike."""

@@ -157,20 +157,16 @@ def depth(bodies: Bodies, points: Floats) -> Floats:
     return union(distances_from(points, bodies.capsules), _BLEND * bodies.height)
 
 
-def follow_capsules(
-    bodies: Bodies, points: Floats, triangles: Index, height: Floats, strength: Floats, n_smooth: int = 12
-) -> Floats:
-    """Returns points (V, 3) moved smoothly until they lie at a ``height`` (V,) above the capsules; strength: (V,) of
-    the moves, 0 to 1.
-    """
+def follow_capsules(bodies: Bodies, points: Floats, triangles: Index, height: Floats) -> Floats:
+    """Returns points (V, 3) moved smoothly until they lie at a ``height`` (V,) above the capsules."""
     mean = mean_of_neighbours(triangles, len(points))
     points = points.copy()
     for _ in range(10):
         away = depth(bodies, points)
         slope = np.stack([depth(bodies, points + 0.05 * axis) - away for axis in np.eye(3)], axis=1)
         slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
-        moves = (strength * np.clip(height - away, -3.0, 3.0))[:, None] * slope
-        for _ in range(n_smooth):
+        moves = np.clip(height - away, -3.0, 3.0)[:, None] * slope
+        for _ in range(12):
             moves = mean @ moves
         points += 0.6 * moves
     return points

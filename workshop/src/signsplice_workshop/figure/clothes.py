@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from signsplice.rig.roles import SIDES
 from signsplice_workshop.figure.base import (
@@ -28,6 +29,8 @@ _CUFF = 0.88
 """End of the sleeves, in lengths of the forearm."""
 _BANDS = {"collar": 1.7, "cuff": 0.10}
 """Widths of the bands: cm, lengths of the forearm."""
+_LIFT = 0.14
+"""Height of the bands above the shirt, cm."""
 _ANKLE = -80.0
 """Height at which trousers end, cm."""
 
@@ -120,49 +123,85 @@ def make_clothes(bodies: Bodies) -> dict[str, Sheet]:
     """Returns shirt, trim, trousers, left and right shoe in the bind pose."""
     tights = make_sheet(bodies, "helper-tights")
     points = smooth(tights.points, tights.triangles, 6)
-    x, y, z = points.T
-    waist = np.exp(-0.5 * ((y - 14.0) / 9.0) ** 2) * np.clip(np.abs(x) / 15.0, 0.0, 1.0) ** 2 * (np.abs(x) < 21.0)
-    leg = np.clip((_HEM - y) / 30.0, 0.0, 1.0) * (y < _HEM)
-    shoulder = np.clip((y - 41.0) / 6.0, 0.0, 1.0) * np.clip((np.abs(x) - 9.0) / 6.0, 0.0, 1.0)
-    arm = np.clip((np.abs(x) - 19.0) / 4.0, 0.0, 1.0) * (y > 5.0)
-    height = 0.25 - 2.2 * waist + 0.4 * leg - 1.8 * shoulder - 1.0 * arm * (1.0 - shoulder)
-    points = follow_capsules(bodies, points, tights.triangles, height, np.ones(len(points)))
+    points = follow_capsules(bodies, points, tights.triangles, _heights(bodies, points))
     points = smooth(points, tights.triangles, 3)
     tights = replace(tights, points=points, normals=compute_normals(points, tights.triangles))
-    names = [*bodies.weights]
-    mean, carried = mean_of_neighbours(tights.triangles, len(tights.points)), tights.carried
-    near = np.clip((tights.points[:, 1:2] - 36.0) / 4.0, 0.0, 1.0) * np.clip((21.0 - np.abs(tights.points[:, :1])) / 4.0, 0.0, 1.0)
-    for _ in range(8):
-        carried = carried + near * (mean @ carried - carried)
-    for side in SIDES:
+    made = _make_shirt(bodies, tights) | _make_trousers(tights)
+    return {name: to_bind_pose(bodies, sheet) for name, sheet in made.items()}
+
+
+def _heights(bodies: Bodies, points: Floats) -> Floats:
+    """Returns the heights (V,) of clothes above the capsules: nearly none where hands touch; at waist, hips, shoulders
+    and upper arms, whose capsules are stout, they lie deeper.
+    """
+    x, y = np.abs(points[:, 0]), points[:, 1]
+    sideways = np.clip(x / 15.0, 0.0, 1.0) ** 2 * (x < 24.0)
+    waist, hip = (sideways * np.exp(-0.5 * ((y - at) / wide) ** 2) for at, wide in ((14.0, 9.0), (-8.0, 6.0)))
+    shoulder = np.clip((y - 41.0) / 6.0, 0.0, 1.0) * np.clip((x - 9.0) / 6.0, 0.0, 1.0)
+    arm = np.clip((x - 19.0) / 4.0, 0.0, 1.0) * np.clip((0.8 - along_forearm(bodies, points)) / 0.4, 0.0, 1.0)
+    neck = np.clip(within_collar(points) / 1.5 + 1.0, 0.0, 1.0)
+    leg = np.clip((_HEM - y) / 30.0, 0.0, 1.0)
+    above_legs = 2.2 * waist + 0.9 * hip + 1.8 * shoulder + 1.0 * arm * (1.0 - shoulder) * (y > 5.0) + 0.8 * neck
+    return np.asarray(0.25 + 0.4 * leg - above_legs)
+
+
+def _make_shirt(bodies: Bodies, tights: Sheet) -> dict[str, Sheet]:
+    """Returns the shirt, and its collar and cuffs as trim."""
+    points, names = tights.points, [*bodies.weights]
+    mean, carried = mean_of_neighbours(tights.triangles, len(points)), tights.carried.copy()
+    near = np.clip((points[:, 1] - 36.0) / 4.0, 0.0, 1.0) * np.clip((21.0 - np.abs(points[:, 0])) / 4.0, 0.0, 1.0)
+    for _ in range(8):  # shoulders that rise must not make a bump
+        carried += near[:, None] * (mean @ carried - carried)
+    for side in SIDES:  # a shirt hangs from the hips
         carried[:, names.index("hips")] += carried[:, names.index(f"{side}UpperLeg")]
         carried[:, names.index(f"{side}UpperLeg")] = 0.0
-    low = np.clip((4.0 - tights.points[:, 1:2]) / 8.0, 0.0, 1.0)
-    hang = np.maximum(low, np.clip(within_collar(tights.points)[:, None] / 4.0 + 1.0, 0.0, 1.0))
-    hung = smooth(tights.points, tights.triangles, 30)
-    points = tights.points + hang * (hung - tights.points)
-    is_fine = (np.abs(points[:, 0]) > 17.0) & (points[:, 1] > 0.0) | (within_collar(points) > -7.0)
-    shirt = replace(tights, points=points, carried=carried).finer(is_fine)
+    low, high = np.clip((4.0 - points[:, 1]) / 8.0, 0.0, 1.0), np.clip(within_collar(points) / 4.0 + 1.0, 0.0, 1.0)
+    points = points + np.maximum(low, 0.6 * high)[:, None] * (smooth(points, tights.triangles, 30) - points)
+    is_arm = (np.abs(points[:, 0]) > 17.0) & (points[:, 1] > 0.0)
+    shirt = replace(tights, points=points, carried=carried).finer(is_arm | (within_collar(points) > -5.0))
     shirt = shirt.cut(within_collar(shirt.points))[0]
     shirt = shirt.cut(along_forearm(bodies, shirt.points) - _CUFF)[0]
     shirt = shirt.cut(_HEM - shirt.points[:, 1])[0]
     flare = np.clip((_HEM + 14.0 - shirt.points[:, 1]) / 14.0, 0.0, 1.0) ** 1.5
-    shirt = replace(shirt, points=shirt.points + (0.25 + 0.45 * flare)[:, None] * _level(shirt.normals, flare))
-    shirt = replace(shirt, normals=compute_normals(shirt.points, shirt.triangles))
-    line, mean = within_collar(shirt.points), mean_of_neighbours(shirt.triangles, len(shirt.points))
-    for _ in range(10):
-        line = mean @ line
-    shirt, collar = shirt.cut(line + _BANDS["collar"])
+    points = shirt.points + (0.25 + 0.3 * flare)[:, None] * _level(shirt.normals, flare)
+    points = smooth_rim(points, shirt.triangles, 12)
+    shirt = replace(shirt, points=points, normals=compute_normals(points, shirt.triangles))
+    rim = np.unique(find_rim(shirt.triangles))
+    rim_of_collar = cKDTree(points[rim[points[rim, 1] > 40.0]])
+    shirt, collar = shirt.cut(_BANDS["collar"] - rim_of_collar.query(points)[0])
+    is_top = rim_of_collar.query(collar.points)[0] < 0.1
     shirt, cuffs = shirt.cut(along_forearm(bodies, shirt.points) - _CUFF + _BANDS["cuff"])
-    trim = join([thicken(band, 0.14, 0.6, 0.0) for band in (collar, cuffs)])
+    up = np.array([0.0, 1.0, 0.0])
+    forearm = bodies.posed["leftLowerArm"] - bodies.posed["leftHand"]
+    into = forearm / np.linalg.norm(forearm)
+    into = np.where(cuffs.points[:, :1] > 0.0, into, into * [-1.0, 1.0, 1.0])
+    collar, cuffs = (replace(band, points=band.points + _LIFT * band.normals) for band in (collar, cuffs))
+    collar = thicken(thicken(collar, -up, 0.3, 2.5, is_top), up, 0.3, 0.0, ~is_top)
+    is_hem = shirt.points[:, 1] < _HEM + 1.0
+    return {"shirt": thicken(shirt, up, 0.35, 2.5, is_hem), "trim": join([collar, thicken(cuffs, into, 0.4, 0.0)])}
+
+
+def _make_trousers(tights: Sheet) -> dict[str, Sheet]:
+    """Returns trousers, which reach under the shirt, and the left and right shoe."""
     lower = tights.cut(tights.points[:, 1] - _HEM - _OVERLAP)[0]
-    lower = replace(lower, points=lower.points - 0.45 * np.clip((lower.points[:, 1:2] - _HEM + 6.0) / 6.0, 0.0, 1.0) * lower.normals)
+    height = lower.points[:, 1:2]
+    under_shirt, loose = np.clip((height - _HEM + 6.0) / 6.0, 0.0, 1.0), np.clip((-45.0 - height) / 30.0, 0.0, 1.0)
+    is_trousers = height > _ANKLE
+    lower = replace(lower, points=lower.points + (0.5 * loose * is_trousers - 0.45 * under_shirt) * lower.normals)
     shoes, trousers = lower.cut(lower.points[:, 1] - _ANKLE)
-    trousers = replace(trousers, points=trousers.points + 0.5 * np.clip((-45.0 - trousers.points[:, 1:2]) / 30.0, 0.0, 1.0) * trousers.normals)
-    made = {"shirt": thicken(shirt, 0.0, 0.35, 1.0), "trim": trim, "trousers": thicken(trousers, 0.0, 0.3, 0.0)}
+    is_ankle = trousers.points[:, 1] < _ANKLE + 1.0
+    made = {"trousers": thicken(trousers, np.array([0.0, 1.0, 0.0]), 0.3, 0.0, is_ankle)}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         made[f"{side} shoe"] = shoes.rows(shoes.triangles[(sign * shoes.points[shoes.triangles, 0] > 0.0).all(axis=1)])
-    return {name: to_bind_pose(bodies, sheet) for name, sheet in made.items()}
+    return made
+
+
+def smooth_rim(points: Floats, triangles: Index, times: int) -> Floats:
+    """Returns points (V, 3) whose rim is smoothed along itself."""
+    mean, rim, points = mean_of_neighbours(triangles, len(points)), np.unique(find_rim(triangles)), points.copy()
+    for step in (0.5, -0.52) * times:
+        points[rim] += step * ((mean @ points)[rim] - points[rim])
+    return points
 
 
 def _level(normals: Floats, share: Floats) -> Floats:
@@ -171,40 +210,24 @@ def _level(normals: Floats, share: Floats) -> Floats:
     return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-9))
 
 
-def thicken(sheet: Sheet, lift: float, thickness: float, depth_in: float) -> Sheet:
-    """Returns a sheet raised by ``lift``, whose rim turns inward by a ``thickness``, and then back below the sheet by
-    ``depth_in``, cm.
+def thicken(sheet: Sheet, into: Floats, thickness: float, lining: float, where: NDArray[np.bool_] | None = None) -> Sheet:
+    """Returns a sheet with walls of a ``thickness`` below its rim, and a lining from there, cm.
+
+    into: (3,) or (V, 3) unit vectors from the rim into the sheet. where: (V,) vertices of the rim that have a wall.
     """
-    sheet = replace(sheet, points=sheet.points + lift * sheet.normals)
     rim = find_rim(sheet.triangles)
+    rim = rim if where is None else rim[np.pad(where, (0, len(sheet.points) - len(where)))[rim].all(axis=1)]
     ends, corners = np.unique(rim, return_inverse=True)
-    corners = corners.reshape(-1, 2)
-    mean = np.zeros((len(ends), 3))
-    inside = sheet.triangles[np.isin(sheet.triangles, ends).any(axis=1)]
-    count = np.zeros(len(ends))
-    number = np.full(len(sheet.points), -1)
-    number[ends] = np.arange(len(ends))
-    for k in range(3):
-        for other in (1, 2):
-            own, at = number[inside[:, k]], inside[:, (k + other) % 3]
-            chosen = (own >= 0) & (number[at] < 0)
-            np.add.at(mean, own[chosen], sheet.points[at[chosen]])
-            np.add.at(count, own[chosen], 1.0)
-    outer, normal = sheet.points[ends], sheet.normals[ends]
-    inward = np.where(count[:, None] > 0, mean / np.maximum(count, 1.0)[:, None] - outer, 0.0)
-    inward -= np.einsum("va,va->v", inward, normal)[:, None] * normal
-    inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-9)
+    a, b = corners.reshape(-1, 2).T
+    n, normal, inward = len(ends), sheet.normals[ends], np.broadcast_to(into, sheet.points.shape)[ends]
+    outer = sheet.points[ends]
     bottom = outer - thickness * normal
-    back = bottom + depth_in * inward - 0.3 * normal
-    n = len(ends)
-    points = np.concatenate([outer, bottom, bottom, back])
+    points = np.concatenate([outer, bottom, bottom, bottom + lining * inward])
     normals = np.concatenate([-inward, -inward, -normal, -normal])
-    a, b = corners.T
     quads = [(b, a, a + n), (b, a + n, b + n), (b + 2 * n, a + 2 * n, a + 3 * n), (b + 2 * n, a + 3 * n, b + 3 * n)]
-    k = 4 if depth_in else 2
-    rows, wall_triangles = np.tile(ends, k), np.concatenate([np.stack(q, axis=1) for q in quads[:k]])
-    wall = Sheet(points[: k * n], normals[: k * n], wall_triangles, sheet.shares[rows], sheet.carried[rows])
-    return join([sheet, wall])
+    k = 4 if lining else 2
+    rows, wall = np.tile(ends, k), np.concatenate([np.stack(quad, axis=1) for quad in quads[:k]])
+    return join([sheet, Sheet(points[: k * n], normals[: k * n], wall, sheet.shares[rows], sheet.carried[rows])])
 
 
 def join(sheets: list[Sheet]) -> Sheet:

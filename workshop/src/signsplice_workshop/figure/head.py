@@ -28,7 +28,7 @@ from signsplice_workshop.figure.base import (
     split_triangles,
 )
 from signsplice_workshop.figure.body import ABOVE, Bodies, anchor_shares, bind, follow_capsules
-from signsplice_workshop.figure.clothes import Sheet, make_sheet, thicken, within_collar
+from signsplice_workshop.figure.clothes import Sheet, make_sheet, smooth_rim, thicken, within_collar
 from signsplice_workshop.figure.blends import PosedCapsules, distances_from, pose_capsules, union
 
 STATURE_DM = 16.535
@@ -92,11 +92,11 @@ def find_outermost(points: Floats) -> NDArray[np.bool_]:
 
 
 _HAIRLINE = (
-    *((-1.2, 0.05), (-0.6, 0.0), (-0.3, 0.05), (-0.1, 0.35), (0.15, 0.8), (0.34, 0.95)),
-    *((0.5, 1.35), (0.62, 1.6), (0.75, 1.68), (1.3, 1.72)),
+    *((-1.2, 0.0), (-0.6, -0.1), (-0.3, 0.0), (-0.12, 0.3), (0.15, 0.55), (0.38, 0.62), (0.43, 1.0)),
+    *((0.54, 1.35), (0.64, 1.6), (0.75, 1.68), (1.3, 1.72)),
 )
 """Depth and height of the hairline, dm."""
-_EAR = ((0.66, 0.10), (0.46, 0.29))
+_EAR = ((0.66, 0.09), (0.49, 0.245))
 """Height and depth of the middle of an ear with the bare skin around it, and its extents, dm."""
 
 
@@ -105,7 +105,7 @@ def measure_above_hairline(points: Floats) -> Floats:
     depth, height = np.array(_HAIRLINE).T
     middle, reach = np.array(_EAR)
     around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
-    line = np.interp(points[:, 2], depth, height) + 0.012 * np.sin(lock_phase(points))
+    line = np.interp(points[:, 2], depth, height) + 0.018 * np.sin(lock_phase(points))
     in_front = np.clip((points[:, 2] - 0.35) / 0.3, 0.0, 1.0)
     line += in_front * (0.20 * np.exp(-(((points[:, 0] - _PARTING) / 0.2) ** 2)) - 0.12)
     return np.asarray(np.minimum(points[:, 1] - line, around))
@@ -331,12 +331,12 @@ def find_neck(bodies: Bodies) -> Floats:
     """
     sheet = make_sheet(bodies, "body")
     rows = np.unique(bodies.base.groups["body"])
-    is_near = (sheet.points[:, 1] > 41.0) & (within_collar(sheet.points) > -2.2) & (sheet.points[:, 1] < 62.0)
+    is_near = (sheet.points[:, 1] > 41.0) & (within_collar(sheet.points) > -3.0) & (sheet.points[:, 1] < 62.0)
     triangles = sheet.triangles[is_near[sheet.triangles].all(axis=1)]
     used, corners = np.unique(triangles, return_inverse=True)
     triangles, points = corners.reshape(-1, 3), sheet.points[used]
-    height = -0.6 - 1.0 * np.clip(0.4 - within_collar(points), 0.0, 1.0)
-    points = follow_capsules(bodies, points, triangles, height, np.ones(len(points)))
+    height = -0.9 - 0.7 * np.clip(0.4 - within_collar(points), 0.0, 1.0)
+    points = smooth_rim(follow_capsules(bodies, points, triangles, height), triangles, 4)
     weights = dict(zip(bodies.weights, sheet.carried[used].T, strict=True))
     places = np.full(bodies.base.points.shape, np.nan)
     places[rows[used]] = 0.1 * (bind(bodies, points, weights) - bodies.bound["head"])
@@ -347,7 +347,7 @@ _PARTING = 0.28
 """Distance of the parting to the left, dm."""
 _CROWN = (0.10, -0.45)
 """Where locks begin, left and forward of the head's joint, dm."""
-_LOCKS, _LOCK = 19.0, 0.022
+_LOCKS, _LOCK = 17.0, 0.034
 """Number of locks around the crown, and half their height, dm."""
 _HAIR = ((0.0, 0.02), (0.12, 0.075), (0.45, 0.10), (1.2, 0.11))
 """Distance above the hairline and thickness of the hair there, dm."""
@@ -375,7 +375,7 @@ def make_hair(scalp: Sheet, origin: Floats, mannequin: Mannequin) -> Sheet:
     height *= 1.0 - 0.6 * is_front * on_top * np.exp(-(((points[:, 0] - _PARTING) / 0.07) ** 2))
     hair = replace(fine, points=10.0 * placed + origin)
     hair = replace(hair, normals=compute_normals(hair.points, hair.triangles))
-    return thicken(hair, 0.0, 0.7, 0.0)
+    return thicken(hair, np.array([0.0, 1.0, 0.0]), 0.7, 0.0)
 
 
 _EYE, _EYE_BACK, _SMILE = 0.147, 0.016, 0.12
