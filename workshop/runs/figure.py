@@ -55,9 +55,6 @@ def build_arrays(folder: Path) -> dict[str, NDArray[Any]]:
     for name, (sheet, _) in parts.items():
         print(f"{name}: {len(sheet.points)} vertices, {len(sheet.triangles)} triangles")
     unit = STEP * bodies.height
-    for name, (sheet, _) in parts.items():
-        bad = np.linalg.norm(sheet.normals, axis=1) < 0.5
-        print(name, bad.sum()) if bad.any() else None
     places = np.array([bodies.bound[name] for name in anchors])
     sheets = [sheet for sheet, _ in parts.values()]
     anchor_rows, anchor_weights = _strongest([sheet.shares for sheet in sheets], len(anchors))
@@ -105,7 +102,7 @@ def build_arrays(folder: Path) -> dict[str, NDArray[Any]]:
 def _needed(part: str) -> str:
     """Returns the roles without which a part is left out, separated by blanks."""
     side, _, kind = part.rpartition(" ")
-    if kind in ("hand", "creases", "nails"):
+    if kind in ("hand", "nails"):
         return " ".join(hand_roles(side))
     if kind == "shoe":
         return f"{side}Foot"

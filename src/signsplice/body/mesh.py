@@ -50,8 +50,8 @@ PART_COLOURS = {
     "hair": (0.27, 0.18, 0.14),
 }
 """Colours of parts that are no skin, sRGB 0 to 1."""
-_SHADES = {"creases": (0.95, 0.93, 0.92), "nails": (1.03, 1.03, 1.03)}
-"""Colours of parts of hands, in colours of skin."""
+_NAIL_SHADE = 1.03
+"""Brightness of nails relative to skin."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that hands and wrists of all rigs are alike."""
 _RINGS_DEG = np.array([150.0, 120.0, 90.0, 90.0, 60.0, 30.0])
@@ -76,8 +76,8 @@ def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
 def colour(part: str, side: str) -> tuple[float, float, float]:
     """Returns the colour of a part of a body by its kind and side, sRGB 0 to 1."""
     red, green, blue = PART_COLOURS.get(part, SKIN_COLOURS[side])
-    factors = _SHADES.get(part, (1.0, 1.0, 1.0))
-    return min(1.0, red * factors[0]), green * factors[1], blue * factors[2]
+    shade = _NAIL_SHADE if part == "nails" else 1.0
+    return shade * red, shade * green, shade * blue
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:

@@ -26,6 +26,8 @@ VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 
 _CROPPED = ("belly", "hips", *(side + bone for side in SIDES for bone in ("UpperLeg", "LowerLeg", "Foot")))
 """Capsules that the camera may crop, as their keys begin."""
+_OWN_WEIGHT = 0.8
+"""Least weight of a finger's joints on the skin that is its own."""
 _MARGIN = 0.02
 """Margin of a picture, statures."""
 
@@ -146,6 +148,8 @@ def _skin_of(skeleton: Skeleton, parts: Sequence[MeshPart]) -> Skin:
         (n_vertices, len(skeleton)),
     )
     main_finger = fingers[np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]]  # (V,)
+    own_weight = np.where(fingers[joints] == main_finger[:, None], weights, 0.0).sum(axis=1)
+    main_finger = np.where(own_weight > _OWN_WEIGHT, main_finger, 0)  # the skin between fingers belongs to none
     counts = [len(part.triangles) for part in parts]
     triangles = np.concatenate([part.triangles + k for part, k in zip(parts, starts[:-1], strict=True)])
     hands = np.repeat(np.array([_hand_of(part) for part in parts]), counts)
@@ -182,7 +186,7 @@ def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tu
 def _hand_of(part: MeshPart) -> str:
     """Returns the side of a hand or fingertip part, or "" for other parts."""
     side, _, kind = part.name.partition(" ")
-    return side if kind in ("hand", "creases", "nails") else ""
+    return side if kind in ("hand", "nails") else ""
 
 
 def _with_shown_bones(clip: Clip) -> Skeleton:

@@ -29,6 +29,10 @@ _CUFF = 0.88
 """End of the sleeves, in lengths of the forearm."""
 _BANDS = {"collar": 1.7, "cuff": 0.10}
 """Widths of the bands: cm, lengths of the forearm."""
+_ELBOW = 3.0
+"""Radius of the balls in the elbows, cm."""
+_OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5))
+"""Its triangles; vertices +X, +Y, +Z, -X, -Y, -Z."""
 _LIFT = 0.14
 """Height of the bands above the shirt, cm."""
 _ANKLE = -80.0
@@ -141,8 +145,8 @@ def _heights(bodies: Bodies, points: Floats) -> Floats:
     arm = np.clip((x - 19.0) / 4.0, 0.0, 1.0) * np.clip((0.8 - along_forearm(bodies, points)) / 0.4, 0.0, 1.0)
     neck = np.clip(within_collar(points) / 1.5 + 1.0, 0.0, 1.0)
     leg = np.clip((_HEM - y) / 30.0, 0.0, 1.0)
-    above_legs = 2.2 * waist + 0.9 * hip + 1.8 * shoulder + 1.0 * arm * (1.0 - shoulder) * (y > 5.0) + 0.8 * neck
-    return np.asarray(0.25 + 0.4 * leg - above_legs)
+    above_legs = 2.0 * waist + 0.8 * hip + 1.6 * shoulder + 0.7 * arm * (1.0 - shoulder) * (y > 5.0) + 0.8 * neck
+    return np.asarray(-0.1 + 0.7 * leg - above_legs)
 
 
 def _make_shirt(bodies: Bodies, tights: Sheet) -> dict[str, Sheet]:
@@ -177,8 +181,21 @@ def _make_shirt(bodies: Bodies, tights: Sheet) -> dict[str, Sheet]:
     into = np.where(cuffs.points[:, :1] > 0.0, into, into * [-1.0, 1.0, 1.0])
     collar, cuffs = (replace(band, points=band.points + _LIFT * band.normals) for band in (collar, cuffs))
     collar = thicken(thicken(collar, -up, 0.3, 2.5, is_top), up, 0.3, 0.0, ~is_top)
+    elbows = [_make_elbow(bodies, f"{side}LowerArm") for side in SIDES]
     is_hem = shirt.points[:, 1] < _HEM + 1.0
-    return {"shirt": thicken(shirt, up, 0.35, 2.5, is_hem), "trim": join([collar, thicken(cuffs, into, 0.4, 0.0)])}
+    return {"shirt": join([thicken(shirt, up, 0.35, 2.5, is_hem), *elbows]), "trim": join([collar, thicken(cuffs, into, 0.4, 0.0)])}
+
+
+def _make_elbow(bodies: Bodies, role: str) -> Sheet:
+    """Returns a ball in an elbow of the shirt, which keeps it round when it bends: skinning flattens it."""
+    points, triangles = np.concatenate([np.eye(3), -np.eye(3)]), np.array(_OCTAHEDRON)
+    for _ in range(2):
+        triangles, pairs = refine(triangles, np.ones(len(points), bool))
+        points = append_line(points, pairs, np.full(len(pairs), 0.5))
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+    shares, carried = np.zeros((len(points), len(ABOVE))), np.zeros((len(points), len(bodies.weights)))
+    shares[:, [*ABOVE].index(role)] = carried[:, [*bodies.weights].index(role)] = 1.0
+    return Sheet(_ELBOW * points + bodies.posed[role], points, triangles, shares, carried)
 
 
 def _make_trousers(tights: Sheet) -> dict[str, Sheet]:
@@ -199,8 +216,8 @@ def _make_trousers(tights: Sheet) -> dict[str, Sheet]:
 def smooth_rim(points: Floats, triangles: Index, times: int) -> Floats:
     """Returns points (V, 3) whose rim is smoothed along itself."""
     mean, rim, points = mean_of_neighbours(triangles, len(points)), np.unique(find_rim(triangles)), points.copy()
-    for step in (0.5, -0.52) * times:
-        points[rim] += step * ((mean @ points)[rim] - points[rim])
+    for _ in range(times):
+        points[rim] += 0.5 * ((mean @ points)[rim] - points[rim])
     return points
 
 

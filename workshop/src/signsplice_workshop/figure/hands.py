@@ -1,4 +1,4 @@
-"""The hands of the figure: capsules that blend into one another, as triangles, with nails and creases."""
+"""The hands of the figure: capsules that blend into one another, as triangles, with nails."""
 
 from __future__ import annotations
 
@@ -20,14 +20,12 @@ _SOFTNESS = 0.28
 """Softness of the transition from one joint to the next, in mean radii of the capsule."""
 _WRIST = (0.68, 0.0125, 0.0135)
 """Beginning of the bare wrist in the sleeve, in lengths of the forearm, and its radii there and at the hand, statures."""
-_CREASE = 0.60
-"""Ratio of the second to the first weight of skin that two phalanges carry, above which it is their crease."""
 _NAIL = (0.45, 1.15, 0.72)
 """Middle of a nail in lengths of the last phalanx, half its length and half its width, in radii of the tip."""
 
 
 def make_hand(bodies: Bodies) -> dict[str, Sheet]:
-    """Returns the left hand in the bind pose, its creases and its nails."""
+    """Returns the left hand in the bind pose, and its nails."""
     skeleton = open_shipped_lexicon().clip("NAME").skeleton
     shape, height, joints = body_capsules(skeleton), bodies.height, rig_info(skeleton).roles.joints
     kinds = ("palm", *FINGERS, *(f"{finger}Tip" for finger in FINGERS))
@@ -65,15 +63,7 @@ def make_hand(bodies: Bodies) -> dict[str, Sheet]:
         if shape.parts[n].endswith("Tip"):
             nail = np.maximum(nail, _within_nail(sheet, capsules.starts[k], capsules.ends[k], capsules.radii[k, 1]))
     skin, nails = sheet.cut(nail)
-    order = np.sort(skin.carried, axis=1)
-    fingers = [roles.index(role) for role in hand_roles("left")]
-    is_shared = (order[:, -2] > _CREASE * order[:, -1]) & (skin.carried[:, fingers].sum(axis=1) > 0.97)
-    is_crease = is_shared[skin.triangles].all(axis=1)
-    return {
-        "hand": skin.rows(skin.triangles[~is_crease]),
-        "creases": skin.rows(skin.triangles[is_crease]),
-        "nails": nails,
-    }
+    return {"hand": skin, "nails": nails}
 
 
 def hand_roles(side: str) -> list[str]:

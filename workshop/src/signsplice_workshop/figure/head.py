@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from signsplice.body.capsules import body_capsules
 from signsplice.body.mesh import bind_pose
@@ -24,6 +26,7 @@ from signsplice_workshop.figure.base import (
     Index,
     append_line,
     compute_normals,
+    find_rim,
     read_target,
     split_triangles,
 )
@@ -105,8 +108,8 @@ def measure_above_hairline(points: Floats) -> Floats:
     depth, height = np.array(_HAIRLINE).T
     middle, reach = np.array(_EAR)
     around = 0.3 * (np.linalg.norm((points[:, 1:] - middle) / reach, axis=1) - 1.0)
-    line = np.interp(points[:, 2], depth, height) + 0.018 * np.sin(lock_phase(points))
-    in_front = np.clip((points[:, 2] - 0.35) / 0.3, 0.0, 1.0)
+    line = np.interp(points[:, 2], depth, height)
+    in_front = np.clip((points[:, 2] - 0.2) / 0.5, 0.0, 1.0)
     line += in_front * (0.20 * np.exp(-(((points[:, 0] - _PARTING) / 0.2) ** 2)) - 0.12)
     return np.asarray(np.minimum(points[:, 1] - line, around))
 
@@ -347,9 +350,11 @@ _PARTING = 0.28
 """Distance of the parting to the left, dm."""
 _CROWN = (0.10, -0.45)
 """Where locks begin, left and forward of the head's joint, dm."""
-_LOCKS, _LOCK = 17.0, 0.034
+_FINE = -7.5
+"""Depth from which on hair has smaller triangles, cm."""
+_LOCKS, _LOCK = 17.0, 0.028
 """Number of locks around the crown, and half their height, dm."""
-_HAIR = ((0.0, 0.02), (0.12, 0.075), (0.45, 0.10), (1.2, 0.11))
+_HAIR = ((0.0, 0.02), (0.12, 0.05), (0.45, 0.065), (1.2, 0.07))
 """Distance above the hairline and thickness of the hair there, dm."""
 
 
@@ -360,21 +365,32 @@ def lock_phase(points: Floats) -> Floats:
     return np.asarray(_LOCKS * around + 1.7 * np.sin(3.0 * around) + 1.1 * np.sin(2.0 * y + 5.0 * around))
 
 
+def in_largest(triangles: Index) -> NDArray[np.bool_]:
+    """Tells which triangles (F,) belong to the largest connected piece."""
+    a, b = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]]).T
+    graph = coo_array((np.ones(len(a)), (a, b)), (triangles.max() + 1,) * 2)
+    piece = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    return np.asarray(piece == np.bincount(piece).argmax())
+
+
 def make_hair(scalp: Sheet, origin: Floats, mannequin: Mannequin) -> Sheet:
     """Returns the hair above the scalp, with locks and an edge."""
-    fine = scalp.finer(np.ones(len(scalp.points), bool))
-    points = 0.1 * (fine.points - origin)
+    scalp = scalp.rows(scalp.triangles[in_largest(scalp.triangles)])
+    fine = scalp.finer(scalp.points[:, 2] - origin[2] > _FINE)
+    points = 0.1 * (smooth_rim(fine.points, fine.triangles, 10) - origin)
     edge, thick = np.array(_HAIR).T
     above = measure_above_hairline(points)
     on_top = np.clip((points[:, 1] - 0.9) / 0.9, 0.0, 1.0)
-    height = np.interp(above, edge, thick) * (0.55 + 0.75 * on_top)
+    height = np.interp(above, edge, thick) * (0.65 + 0.45 * on_top)
     far = np.clip(np.hypot(points[:, 0] - _CROWN[0], points[:, 2] - _CROWN[1]) / 0.5, 0.0, 1.0)
     height += _LOCK * far * (1.0 - np.abs(np.sin(0.5 * lock_phase(points))) * 2.0) * np.clip(above / 0.1, 0.3, 1.0)
     placed = points + height[:, None] * mannequin.outward(points)
     is_front = np.clip((points[:, 2] + 0.3) / 0.3, 0.0, 1.0)
     height *= 1.0 - 0.6 * is_front * on_top * np.exp(-(((points[:, 0] - _PARTING) / 0.07) ** 2))
     hair = replace(fine, points=10.0 * placed + origin)
-    hair = replace(hair, normals=compute_normals(hair.points, hair.triangles))
+    normals, rim = compute_normals(hair.points, hair.triangles), np.unique(find_rim(hair.triangles))
+    normals[rim] = mannequin.outward(points[rim])
+    hair = replace(hair, normals=normals)
     return thicken(hair, np.array([0.0, 1.0, 0.0]), 0.7, 0.0)
 
 
