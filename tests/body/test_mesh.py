@@ -128,7 +128,8 @@ def test_clothes_lie_on_the_capsules_that_hands_touch() -> None:
     body = capsules.body_capsules(CLIP.skeleton)
     rows = [n for n, part in enumerate(body.parts) if part in ("shirt", "sleeve", "cuff")]
     shirt = mesh_parts()["shirt"].vertices
-    elbows = bind_pose(CLIP.skeleton)[1][[CLIP.skeleton.index[f"mixamorig:{side}ForeArm"] for side in ("Left", "Right")]]
+    joints = rig_info(CLIP.skeleton).roles.joints
+    elbows = bind_pose(CLIP.skeleton)[1][[joints[f"{side}LowerArm"] for side in ("left", "right")]]
     shirt = shirt[(np.linalg.norm(shirt[:, None] - elbows, axis=2) > 3.01).all(axis=1)]  # without the balls within
     away = union(distances_from(shirt, pose_capsules(CLIP.skeleton, body, rows)), 0.0085 * STATURE)
     across, height, in_front = np.abs(shirt[:, 0]), shirt[:, 1], shirt[:, 2] > 0.0
@@ -238,7 +239,7 @@ def test_rigs_without_fingers_legs_or_a_head_have_the_rest_of_the_figure() -> No
 
 
 def test_the_figures_head_lies_on_the_capsules_that_hands_touch() -> None:
-    """From 48 sides, the outermost skin or hair: skin within 6 mm of the capsules, save at eyes and ears, hair above."""
+    """From 48 sides, the outermost skin is within 6 mm of the capsules, save at eyes and ears, and hair lies above."""
     body, joint = capsules.body_capsules(CLIP.skeleton), CLIP.skeleton.index["mixamorig:Head"]
     _, positions = bind_pose(CLIP.skeleton)
     rows = [n for n, part in enumerate(body.parts) if part in ("face", "nose", "hair", "neck")]
@@ -251,7 +252,7 @@ def test_the_figures_head_lies_on_the_capsules_that_hands_touch() -> None:
     sides = np.stack([np.sqrt(1 - up**2) * np.cos(around), up, np.sqrt(1 - up**2) * np.sin(around)], axis=1)
     near = sides @ (since / far[:, None]).T > np.cos(np.deg2rad(12.0))
     outer = [int(np.argmax(np.where(row, far, 0.0))) for row in near[up > -0.6]]
-    off = (union(distances_from(points[outer], own), 0.0035 * STATURE))
+    off = union(distances_from(points[outer], own), 0.0035 * STATURE)
     is_hair = np.array(outer) >= len(mesh_parts()["face"].vertices)
     assert np.quantile(np.abs(off[~is_hair]), 0.85) < 0.6, "cm"
     assert np.abs(off[~is_hair]).max() < 1.8, "an ear"

@@ -65,7 +65,7 @@ def build_arrays(folder: Path) -> dict[str, NDArray[Any]]:
     moves: list[Floats] = []
     counts = []
     for name in ARKIT_CHANNELS:
-        own = [(k, part_moves[name]) for k, (_, part_moves) in zip(starts, parts.values(), strict=False) if name in part_moves]
+        own = [(k, by_unit[name]) for k, (_, by_unit) in zip(starts, parts.values(), strict=False) if name in by_unit]
         seen = [np.flatnonzero(np.abs(move).max(axis=1) > _SEEN) for _, move in own]
         index += [rows + k for rows, (k, _) in zip(seen, own, strict=True)]
         moves += [move[rows] for rows, (_, move) in zip(seen, own, strict=True)]
@@ -126,6 +126,6 @@ def _strongest(values: list[Floats], width: int) -> tuple[NDArray[np.uint8], NDA
 
 if __name__ == "__main__":
     arrays = build_arrays(Path(sys.argv[1]))
-    np.savez_compressed(OUT, **arrays)
+    np.savez_compressed(OUT, allow_pickle=False, **arrays)
     n_vertices, n_triangles = len(arrays["offsets"]), len(arrays["triangles"])
     print(OUT, f"{OUT.stat().st_size:,} bytes, {n_vertices:,} vertices, {n_triangles:,} triangles")

@@ -28,8 +28,8 @@ STEP = 1e-5
 """Unit of the offsets in ``figure.npz``, statures."""
 WAIST = 0.4
 """Height of the waist between hips and shoulders."""
-SKIN_COLOURS = {"right": (0.94, 0.76, 0.66), "left": (0.89, 0.71, 0.61), "": (0.94, 0.76, 0.66)}
-"""Colours of skin, sRGB 0 to 1; the left hand is a little darker, to distinguish crossed hands."""
+SKIN_COLOURS = {"right": (0.95, 0.77, 0.66), "left": (0.89, 0.71, 0.61), "": (0.94, 0.76, 0.66)}
+"""Colours of skin, sRGB 0 to 1; the left hand is a little darker than the right, to distinguish crossed hands."""
 PART_COLOURS = {
     "shirt": (0.20, 0.25, 0.36),
     "trim": (0.15, 0.19, 0.28),
@@ -119,7 +119,7 @@ class FigureFile:
     anchor_rows, anchor_weights: (V, 4) the anchors of each vertex, and their weights in 255ths.
     role_rows, role_weights: (V, 4) the roles that carry each vertex, and their weights in 255ths.
     unit_counts: (52,) number of vertices that each coefficient of the face moves.
-    unit_vertices, unit_moves: these vertices, and their displacements at 1, (N, 3) steps, one coefficient after another.
+    unit_vertices, unit_moves: these vertices, coefficient by coefficient, and their displacements at 1, (N, 3) steps.
     """
 
     anchors: NDArray[np.str_]
@@ -164,6 +164,7 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
     weights = figure.role_weights / 255.0
     carried = np.where(weights > 0.0, carriers[figure.role_rows], 0)
     normals = figure.normals / np.linalg.norm(figure.normals, axis=1, keepdims=True)
+    triangles = figure.triangles.astype(np.int64)
     last = np.cumsum(figure.unit_counts.astype(np.int64)).tolist()
     parts: list[MeshPart] = []
     mittens: list[int] = []
@@ -174,17 +175,17 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
                 own = zip(shape.parts, shape.sides, strict=True)
                 mittens += [n for n, (part, s) in enumerate(own) if s == side and _kind(part) == "hand"]
             continue
-        used, corners = np.unique(figure.triangles[figure.parts == number], return_inverse=True)
+        corners = triangles[figure.parts == number]
+        used, local = np.unique(corners), np.full(len(points), -1)
+        local[used] = np.arange(len(used))
         morphs = {}
         for unit, n, end in zip(ARKIT_CHANNELS, figure.unit_counts.tolist(), last, strict=True):
-            rows, moves = figure.unit_vertices[end - n : end], figure.unit_moves[end - n : end]
-            is_own = np.isin(rows, used)
-            if is_own.any():
-                morphs[unit] = np.searchsorted(used, rows[is_own]), scale[rows[is_own]] * moves[is_own]
-        corners = corners.reshape(-1, 3).astype(np.int64)
-        parts.append(
-            MeshPart(name, colour(kind, side), points[used], normals[used], corners, carried[used], weights[used], morphs)
-        )
+            moved = local[figure.unit_vertices[end - n : end]]
+            if (is_own := moved >= 0).any():
+                moved = moved[is_own]
+                morphs[unit] = moved, scale[used[moved]] * figure.unit_moves[end - n : end][is_own]
+        tint, corners = colour(kind, side), local[corners]
+        parts.append(MeshPart(name, tint, points[used], normals[used], corners, carried[used], weights[used], morphs))
     return (*parts, *_capsule_parts(shape, starts, ends, mittens))
 
 
@@ -227,9 +228,7 @@ def _kind(part: str) -> str:
     return "hand" if part in ("palm", *FINGERS) or part.endswith("Tip") else part
 
 
-def _capsule_parts(
-    shape: BodyCapsules, starts: FloatArray, ends: FloatArray, rows: list[int]
-) -> tuple[MeshPart, ...]:
+def _capsule_parts(shape: BodyCapsules, starts: FloatArray, ends: FloatArray, rows: list[int]) -> tuple[MeshPart, ...]:
     """Returns some capsules, each a closed surface, by kind and side. starts, ends: (C, 3) of axes in the bind pose."""
     axes = ends - starts
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)

@@ -13,7 +13,7 @@ from signsplice.motion import FloatArray, Skeleton, rotation
 
 
 @dataclass(frozen=True, eq=False)
-class PosedCapsules:
+class BoundCapsules:
     """Capsules in the bind pose.
 
     starts, ends: (C, 3) of their axes.
@@ -27,11 +27,11 @@ class PosedCapsules:
     joints: NDArray[np.intp]
 
 
-def pose_capsules(skeleton: Skeleton, shape: BodyCapsules, rows: list[int]) -> PosedCapsules:
+def pose_capsules(skeleton: Skeleton, shape: BodyCapsules, rows: list[int]) -> BoundCapsules:
     """Returns some capsules of a body in the bind pose."""
     rotations, positions = bind_pose(skeleton)
     starts, ends = (p[0, rows] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
-    return PosedCapsules(starts, ends, shape.radii[rows], shape.joints[rows])
+    return BoundCapsules(starts, ends, shape.radii[rows], shape.joints[rows])
 
 
 def union(distances: FloatArray, blend: float) -> FloatArray:
@@ -43,7 +43,7 @@ def union(distances: FloatArray, blend: float) -> FloatArray:
     return np.asarray(nearest - blend * np.log(closeness.T.copy().sum(axis=1)))  # copied: sums equal those of a row
 
 
-def distances_from(points: FloatArray, capsules: PosedCapsules) -> FloatArray:
+def distances_from(points: FloatArray, capsules: BoundCapsules) -> FloatArray:
     """Returns signed distances (C, N) of points (N, 3) from tapered capsules, negative inside.
 
     A tapered capsule is the union of all balls between its two end balls.

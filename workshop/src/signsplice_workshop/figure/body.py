@@ -17,7 +17,7 @@ from signsplice.motion import rotation
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, SIDES
 from signsplice_workshop.figure.base import BaseMesh, Floats, Index, mean_of_neighbours
-from signsplice_workshop.figure.blends import PosedCapsules, distances_from, pose_capsules, union
+from signsplice_workshop.figure.blends import BoundCapsules, distances_from, pose_capsules, union
 
 ABOVE = {
     "girdle": "girdle", "hips": "girdle", "waist": "hips", "neck": "girdle", "head": "neck",
@@ -53,7 +53,7 @@ class Bodies:
     posed: dict[str, Floats]
     bound: dict[str, Floats]
     turns: dict[str, Floats]
-    capsules: PosedCapsules
+    capsules: BoundCapsules
     height: float
 
 
@@ -90,7 +90,7 @@ def compare_bodies(base: BaseMesh) -> Bodies:
         if (key := shape.keys[n]) in turns:
             back, root = turns[key].T, bound[key]
             starts[k], ends[k] = (posed[key] + back @ (place - root) for place in (starts[k], ends[k]))
-    capsules = PosedCapsules(starts, ends, chosen.radii, chosen.joints)
+    capsules = BoundCapsules(starts, ends, chosen.radii, chosen.joints)
     weights = {role: base.weights[name].copy() for role, name in names.items()}
     for side in SIDES:
         for role in [role for role in weights if role.startswith(side) and any(f in role for f in FINGERS)]:
@@ -108,12 +108,14 @@ def _is_below(name: str, role: str) -> bool:
 
 def _swing(start: Floats, end: Floats) -> Floats:
     """Returns the least rotation (3, 3) that turns one vector into the direction of another of the same length."""
-    return np.asarray(rotation.to_matrix(rotation.between_vectors(start / np.linalg.norm(start), end / np.linalg.norm(end))))
+    start, end = (vector / np.linalg.norm(vector) for vector in (start, end))
+    return np.asarray(rotation.to_matrix(rotation.between_vectors(start, end)))
 
 
 def anchor_shares(bodies: Bodies, points: Floats, weights: dict[str, Floats]) -> dict[str, Floats]:
-    """Returns anchor -> shares (V,) of it in the places of points (V, 3), cm, of MakeHuman's body, which sum to 1: along
-    each bone by the distance from its ends, weighted as the bones carry them.
+    """Returns anchor -> shares (V,) of it in the places of points (V, 3), cm, of MakeHuman's body, which sum to 1.
+
+    Along each bone they follow the distance from its ends; bones count as they carry a point.
     """
     shares = {name: np.zeros(len(points)) for name in ABOVE}
     places = bodies.theirs

@@ -58,7 +58,8 @@ class Sheet:
     def rows(self, triangles: Index) -> Sheet:
         """Returns the sheet of some triangles, with only their vertices."""
         used, corners = np.unique(triangles, return_inverse=True)
-        return Sheet(self.points[used], self.normals[used], corners.reshape(-1, 3), self.shares[used], self.carried[used])
+        shares, carried = self.shares[used], self.carried[used]
+        return Sheet(self.points[used], self.normals[used], corners.reshape(-1, 3), shares, carried)
 
     def cut(self, height: Floats) -> tuple[Sheet, Sheet]:
         """Returns the parts below and above the line where ``height`` (V,) is 0."""
@@ -172,8 +173,8 @@ def _make_shirt(bodies: Bodies, tights: Sheet) -> dict[str, Sheet]:
     shirt = replace(shirt, points=points, normals=compute_normals(points, shirt.triangles))
     rim = np.unique(find_rim(shirt.triangles))
     rim_of_collar = cKDTree(points[rim[points[rim, 1] > 40.0]])
-    shirt, collar = shirt.cut(_BANDS["collar"] - rim_of_collar.query(points)[0])
-    is_top = rim_of_collar.query(collar.points)[0] < 0.1
+    shirt, collar = shirt.cut(_BANDS["collar"] - np.asarray(rim_of_collar.query(points)[0]))
+    is_top = np.asarray(rim_of_collar.query(collar.points)[0]) < 0.1
     shirt, cuffs = shirt.cut(along_forearm(bodies, shirt.points) - _CUFF + _BANDS["cuff"])
     up = np.array([0.0, 1.0, 0.0])
     forearm = bodies.posed["leftLowerArm"] - bodies.posed["leftHand"]
@@ -183,7 +184,8 @@ def _make_shirt(bodies: Bodies, tights: Sheet) -> dict[str, Sheet]:
     collar = thicken(thicken(collar, -up, 0.3, 2.5, is_top), up, 0.3, 0.0, ~is_top)
     elbows = [_make_elbow(bodies, f"{side}LowerArm") for side in SIDES]
     is_hem = shirt.points[:, 1] < _HEM + 1.0
-    return {"shirt": join([thicken(shirt, up, 0.35, 2.5, is_hem), *elbows]), "trim": join([collar, thicken(cuffs, into, 0.4, 0.0)])}
+    shirt = join([thicken(shirt, up, 0.35, 2.5, is_hem), *elbows])
+    return {"shirt": shirt, "trim": join([collar, thicken(cuffs, into, 0.4, 0.0)])}
 
 
 def _make_elbow(bodies: Bodies, role: str) -> Sheet:
@@ -227,7 +229,9 @@ def _level(normals: Floats, share: Floats) -> Floats:
     return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-9))
 
 
-def thicken(sheet: Sheet, into: Floats, thickness: float, lining: float, where: NDArray[np.bool_] | None = None) -> Sheet:
+def thicken(
+    sheet: Sheet, into: Floats, thickness: float, lining: float, where: NDArray[np.bool_] | None = None
+) -> Sheet:
     """Returns a sheet with walls of a ``thickness`` below its rim, and a lining from there, cm.
 
     into: (3,) or (V, 3) unit vectors from the rim into the sheet. where: (V,) vertices of the rim that have a wall.

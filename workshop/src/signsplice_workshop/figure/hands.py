@@ -9,7 +9,7 @@ from signsplice.lexicon import open_shipped_lexicon
 from signsplice.rig.info import rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
 from signsplice_workshop.figure.base import Floats
-from signsplice_workshop.figure.blends import PosedCapsules, distances_from, pose_capsules, skin_weights, union
+from signsplice_workshop.figure.blends import BoundCapsules, distances_from, pose_capsules, skin_weights, union
 from signsplice_workshop.figure.body import ABOVE, Bodies
 from signsplice_workshop.figure.clothes import Sheet
 from signsplice_workshop.figure.surface_nets import surface
@@ -19,7 +19,7 @@ _STEP, _PALM_BLEND, _FINGER_BLEND, _BLEND = 0.0031, 0.0045, 0.0005, 0.0014
 _SOFTNESS = 0.28
 """Softness of the transition from one joint to the next, in mean radii of the capsule."""
 _WRIST = (0.68, 0.0125, 0.0135)
-"""Beginning of the bare wrist in the sleeve, in lengths of the forearm, and its radii there and at the hand, statures."""
+"""Beginning of the bare wrist in the sleeve, in lengths of the forearm; its radii there and at the hand, statures."""
 _NAIL = (0.45, 1.15, 0.72)
 """Middle of a nail in lengths of the last phalanx, half its length and half its width, in radii of the tip."""
 
@@ -33,7 +33,7 @@ def make_hand(bodies: Bodies) -> dict[str, Sheet]:
     capsules = pose_capsules(skeleton, shape, rows)
     groups = np.array([kinds.index(shape.parts[n].removesuffix("Tip")) for n in rows])
     elbow, wrist = bodies.bound["leftLowerArm"], bodies.bound["leftHand"]
-    capsules = PosedCapsules(
+    capsules = BoundCapsules(
         np.concatenate([capsules.starts, [elbow + _WRIST[0] * (wrist - elbow)]]),
         np.concatenate([capsules.ends, [wrist]]),
         np.concatenate([capsules.radii, [height * np.array(_WRIST[1:])]]),
@@ -55,9 +55,10 @@ def make_hand(bodies: Bodies) -> dict[str, Sheet]:
     roles = [*bodies.weights, *hand_roles("left"), *hand_roles("right")]
     carried = np.zeros((len(points), len(roles)))
     for k in range(N_JOINTS):
-        columns = np.array([roles.index(role_of[joint]) if weight else 0 for joint, weight in zip(carriers[:, k].tolist(), weights[:, k].tolist(), strict=True)])
+        columns = np.array([roles.index(role_of.get(joint, "hips")) for joint in carriers[:, k].tolist()])
         np.add.at(carried, (np.arange(len(points)), columns), weights[:, k])
-    sheet = Sheet(points, normals, triangles, _shares(bodies, points, dict(zip(roles, carried.T, strict=True))), carried)
+    shares = _shares(bodies, points, dict(zip(roles, carried.T, strict=True)))
+    sheet = Sheet(points, normals, triangles, shares, carried)
     nail = np.full(len(points), -1.0)
     for k, n in enumerate(rows):
         if shape.parts[n].endswith("Tip"):
@@ -73,7 +74,7 @@ def hand_roles(side: str) -> list[str]:
 
 def hand_anchors(side: str) -> dict[str, str]:
     """Returns anchor of a hand -> the one above it, from the palm outwards."""
-    above = {}
+    above: dict[str, str] = {}
     for finger in FINGERS:
         chain = [f"{side}Hand", *(side + role for role in finger_roles(finger)), f"{side}{finger}DistalEnd"]
         above |= dict(zip(chain[1:], chain, strict=False))
@@ -111,7 +112,8 @@ def _shares(bodies: Bodies, points: Floats, carried: dict[str, Floats]) -> Float
         shares[:, names.index(end)] += carried[role] * t
     knuckles = [name for name, above in hand_anchors("left").items() if above == "leftHand"]
     t = np.stack([along("leftHand", name) for name in knuckles])  # (5, V)
-    nearest = np.stack([places["leftHand"] + k[:, None] * (places[name] - places["leftHand"]) for k, name in zip(t, knuckles, strict=True)])
+    wrist, ends_of_palm = places["leftHand"], np.array([places[name] for name in knuckles])
+    nearest = wrist + t[:, :, None] * (ends_of_palm - wrist)[:, None]
     far = np.linalg.norm(points - nearest, axis=2)
     close = np.exp(-far / 0.8)
     close[far > np.sort(far, axis=0)[1]] = 0.0  # four anchors a vertex: two knuckles

@@ -30,9 +30,9 @@ from signsplice_workshop.figure.base import (
     read_target,
     split_triangles,
 )
+from signsplice_workshop.figure.blends import BoundCapsules, distances_from, pose_capsules, union
 from signsplice_workshop.figure.body import ABOVE, Bodies, anchor_shares, bind, follow_capsules
 from signsplice_workshop.figure.clothes import Sheet, make_sheet, smooth_rim, thicken, within_collar
-from signsplice_workshop.figure.blends import PosedCapsules, distances_from, pose_capsules, union
 
 STATURE_DM = 16.535
 _HEIGHTS = ((-1.2, -1.1), (-0.2, -0.15), (0.3, 0.34), (0.52, 0.62), (0.8, 0.96), (1.88, 2.12))
@@ -57,7 +57,7 @@ class Mannequin:
         chosen = [n for n, part in enumerate(shape.parts) if part in ("face", "hair", "neck")]
         posed = pose_capsules(skeleton, shape, chosen)
         scale, origin = STATURE_DM / info.sizes.stature, bind_pose(skeleton)[1][info.roles.joints["head"]]
-        self._capsules = PosedCapsules(
+        self._capsules = BoundCapsules(
             (posed.starts - origin) * scale, (posed.ends - origin) * scale, posed.radii * scale, posed.joints
         )
 
@@ -286,7 +286,7 @@ def make_head(bodies: Bodies, folder: Path) -> dict[str, tuple[Sheet, dict[str, 
         parts[name] = choose(of_eyes, of_eyes[0].triangles[kinds == number])
     parts["brow"] = merge_alone(bodies, brows)
     both = np.concatenate([own for own, _ in lashes])
-    add("lash", np.concatenate([both, both[:, ::-1]]), positions, sum(own for _, own in lashes))
+    add("lash", np.concatenate([both, both[:, ::-1]]), positions, lashes[0][1] + lashes[1][1])
     for name, pieces in (("teeth", ("upper-teeth", "lower-teeth")), ("tongue", ("tongue",))):
         triangles = np.concatenate([groups[f"helper-{piece}"] for piece in pieces])
         add(name, triangles, positions, compute_normals(positions, triangles))
@@ -402,5 +402,3 @@ _STRENGTHS = {"eyeBlink": 0.6, "brow": 1.5, "cheekPuff": 2.0}
 
 def _get_strength(unit: str) -> float:
     return next((factor for name, factor in _STRENGTHS.items() if unit.startswith(name)), 1.0)
-
-
