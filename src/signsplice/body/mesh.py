@@ -10,7 +10,7 @@ surface lies on the capsules, which hands touch. Bodies without two known arms a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
@@ -54,6 +54,8 @@ _NAIL_SHADE = 1.03
 """Brightness of nails relative to skin."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that hands and wrists of all rigs are alike."""
+_WRIST, _IN_SLEEVE = 0.8, 0.6
+"""Thickness of the wrist of a hand that is drawn as capsules, in that of the forearm, and the part of it above."""
 _RINGS_DEG = np.array([150.0, 120.0, 90.0, 90.0, 60.0, 30.0])
 """Angles from its axis of the six rings of a drawn capsule, three at either end."""
 _AROUND = 12
@@ -167,13 +169,11 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
     triangles = figure.triangles.astype(np.int64)
     last = np.cumsum(figure.unit_counts.astype(np.int64)).tolist()
     parts: list[MeshPart] = []
-    mittens: list[int] = []
+    capsule_hands: list[str] = []
     for number, (name, needed) in enumerate(zip(figure.part_names.tolist(), figure.part_roles.tolist(), strict=True)):
         side, kind = ("", *name.split())[-2:]
         if any(role not in joints for role in needed.split()):
-            if kind == "hand":
-                own = zip(shape.parts, shape.sides, strict=True)
-                mittens += [n for n, (part, s) in enumerate(own) if s == side and _kind(part) == "hand"]
+            capsule_hands += [side] if kind == "hand" else []
             continue
         corners = triangles[figure.parts == number]
         used, local = np.unique(corners), np.full(len(points), -1)
@@ -186,7 +186,12 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
                 morphs[unit] = moved, scale[used[moved]] * figure.unit_moves[end - n : end][is_own]
         tint, corners = colour(kind, side), local[corners]
         parts.append(MeshPart(name, tint, points[used], normals[used], corners, carried[used], weights[used], morphs))
-    return (*parts, *_capsule_parts(shape, starts, ends, mittens))
+    is_wrist = np.array([[part == "cuff"] for part in shape.parts])
+    kinds = tuple("palm" if part == "cuff" else part for part in shape.parts)
+    bare = replace(shape, parts=kinds, radii=np.where(is_wrist, _WRIST, 1.0) * shape.radii)
+    own = [n for n, part in enumerate(kinds) if shape.sides[n] in capsule_hands and _kind(part) == "hand"]
+    starts = starts + np.where(is_wrist, _IN_SLEEVE, 0.0) * (ends - starts)
+    return (*parts, *_capsule_parts(bare, starts, ends, own))
 
 
 def find_anchors(
