@@ -9,7 +9,7 @@ surface lies on the capsules, which hands touch. Bodies without two known arms a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 
@@ -55,7 +55,7 @@ _NAIL_SHADE = 1.03
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
 """Spread of the fingers in the bind pose, degrees, so that hands and wrists of all rigs are alike."""
 _WRIST, _IN_SLEEVE = 0.8, 0.6
-"""Thickness of the wrist of a hand that is drawn as capsules, in that of the forearm, and the part of it above."""
+"""Of the wrist of a hand that is drawn as capsules: thickness in that of the forearm's end, and where it begins."""
 _RINGS_DEG = np.array([150.0, 120.0, 90.0, 90.0, 60.0, 30.0])
 """Angles from its axis of the six rings of a drawn capsule, three at either end."""
 _AROUND = 12
@@ -159,7 +159,7 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
         return _capsule_parts(shape, starts, ends, [*range(len(shape.parts))])
     figure = CACHE.recent(_load, most=1)
     anchors = find_anchors(joints, positions, dict(zip(shape.keys, ends, strict=True)))
-    points, scale = _place(figure, rig_info(skeleton).sizes.stature, anchors, shape)
+    points, scale = _place(figure, rig_info(skeleton).sizes.stature or 1.0, anchors, shape)
     carriers = np.zeros(len(figure.roles), np.int64)
     for n, (role, above) in enumerate(zip(figure.roles.tolist(), figure.roles_above.tolist(), strict=True)):
         carriers[n] = joints.get(role, carriers[above] if n else 0)
@@ -169,11 +169,11 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
     triangles = figure.triangles.astype(np.int64)
     last = np.cumsum(figure.unit_counts.astype(np.int64)).tolist()
     parts: list[MeshPart] = []
-    capsule_hands: list[str] = []
+    bare_hands: list[str] = []
     for number, (name, needed) in enumerate(zip(figure.part_names.tolist(), figure.part_roles.tolist(), strict=True)):
         side, kind = ("", *name.split())[-2:]
         if any(role not in joints for role in needed.split()):
-            capsule_hands += [side] if kind == "hand" else []
+            bare_hands += [side] if kind == "hand" else []
             continue
         corners = triangles[figure.parts == number]
         used, local = np.unique(corners), np.full(len(points), -1)
@@ -186,12 +186,18 @@ def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]
                 morphs[unit] = moved, scale[used[moved]] * figure.unit_moves[end - n : end][is_own]
         tint, corners = colour(kind, side), local[corners]
         parts.append(MeshPart(name, tint, points[used], normals[used], corners, carried[used], weights[used], morphs))
+    return (*parts, *_hand_capsules(shape, starts, ends, bare_hands))
+
+
+def _hand_capsules(
+    shape: BodyCapsules, starts: FloatArray, ends: FloatArray, sides: Collection[str]
+) -> tuple[MeshPart, ...]:
+    """Returns the hands of some sides as capsules, with wrists that begin in the sleeves; arguments as below."""
     is_wrist = np.array([[part == "cuff"] for part in shape.parts])
     kinds = tuple("palm" if part == "cuff" else part for part in shape.parts)
-    bare = replace(shape, parts=kinds, radii=np.where(is_wrist, _WRIST, 1.0) * shape.radii)
-    own = [n for n, part in enumerate(kinds) if shape.sides[n] in capsule_hands and _kind(part) == "hand"]
-    starts = starts + np.where(is_wrist, _IN_SLEEVE, 0.0) * (ends - starts)
-    return (*parts, *_capsule_parts(bare, starts, ends, own))
+    bare = replace(shape, parts=kinds, radii=np.where(is_wrist, _WRIST * shape.radii[:, 1:], shape.radii))
+    rows = [n for n, part in enumerate(kinds) if shape.sides[n] in sides and _kind(part) == "hand"]
+    return _capsule_parts(bare, starts + np.where(is_wrist, _IN_SLEEVE, 0.0) * (ends - starts), ends, rows)
 
 
 def find_anchors(
