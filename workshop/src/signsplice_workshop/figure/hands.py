@@ -18,7 +18,7 @@ _STEP, _PALM_BLEND, _FINGER_BLEND, _BLEND = 0.0031, 0.0045, 0.0005, 0.0014
 """Distance of vertices, and radii of the blends within the palm, within a finger, and of these, statures."""
 _SOFTNESS = 0.28
 """Softness of the transition from one joint to the next, in mean radii of the capsule."""
-_WRIST = (0.68, 0.0125, 0.0135)
+_WRIST = (0.75, 0.0125, 0.0135)
 """Beginning of the bare wrist in the sleeve, in lengths of the forearm; its radii there and at the hand, statures."""
 _NAIL = (0.45, 1.15, 0.72)
 """Middle of a nail in lengths of the last phalanx, half its length and half its width, in radii of the tip."""

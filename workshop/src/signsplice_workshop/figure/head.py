@@ -350,7 +350,7 @@ _PARTING = 0.28
 """Distance of the parting to the left, dm."""
 _CROWN = (0.10, -0.45)
 """Where locks begin, left and forward of the head's joint, dm."""
-_FINE = -7.5
+_FINE = -6.0
 """Depth from which on hair has smaller triangles, cm."""
 _LOCKS, _LOCK = 17.0, 0.028
 """Number of locks around the crown, and half their height, dm."""
