@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from signsplice.body.surface_nets import surface
 from signsplice.render.raster import Canvas, Pixels, lit
+from signsplice_workshop.figure.surface_nets import surface
 
 LIGHT = np.array([0.6, 0.0, 0.8], np.float32)
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)

@@ -74,7 +74,7 @@ def test_the_requested_hand_is_enlarged(words: dict[str, Clip], tmp_path: Path) 
         write_strips([Strip(words["I"], "I", [28], hand=hand)], tmp_path / f"{hand}.png", picture_px=60, hand_px=40)
     left, right = (page(tmp_path / f"{hand}.png") for hand in ("left", "right"))
     other = np.abs(left - right).max(axis=-1)
-    assert other[: LABEL + 60].max() < 32, "but for the palette, the picture above is the same"
+    assert (other[: LABEL + 60] < 32).mean() > 0.998, "but for the palette, the picture above is the same"
     assert (other[LABEL + 60 :] > 64).mean() > 0.05
 
 

@@ -1,18 +1,15 @@
-"""The mannequin: the body of a skeleton as a mesh that its joints carry.
+"""The figure: the mesh of a signer in clothes, whose proportions are those of any skeleton, and which its joints carry.
 
-The capsules of ``body.capsules`` blend into one another, part by part (a shirt with its sleeves, a hand, a face).
-Linear blend skinning binds the mesh to the joints, in the T-pose with fingers spread. The last phalanx of each
-finger has its own tint, which keeps handshapes readable.
-
-Its head has eyes, lids, brows, lips, teeth and tongue, and ARKit's 52 coefficients as morphs.
-``workshop/runs/figure.py`` makes it, as ``figure.npz``, from MakeHuman's base mesh (CC0). Coordinates there are whole
-numbers of ``_HEAD_STEP`` statures from the head's joint in the T-pose (left +X, up +Y, forward +Z). The head's skin
-follows the capsules of head and neck, which hands touch.
+``workshop/runs/figure.py`` makes it from MakeHuman's base mesh (CC0) and, for the hands, from the capsules of
+``body.capsules``. It stands in the bind pose: the T-pose with fingers spread, where bones of all rigs have the same
+directions. Each vertex lies at an offset from a point between anchors (joints, fingertips, waist); on another skeleton,
+the anchors are elsewhere, and the offsets grow with the stature. Its face has ARKit's 52 coefficients as morphs. Its
+surface lies on the capsules, which hands touch. Bodies without two known arms are drawn as capsules.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 
@@ -20,143 +17,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import N_JOINTS, Avatar, BodyCapsules, MeshPart, body_capsules, capsule_ends
-from signsplice.body.surface_nets import surface
 from signsplice.motion import FloatArray, Skeleton, kinematics, rotation
+from signsplice.motion.cache import CACHE
 from signsplice.motion.face import ARKIT_CHANNELS
 from signsplice.rig.info import rig_info
-from signsplice.rig.roles import FINGERS
+from signsplice.rig.roles import FINGERS, SIDES
 from signsplice.rig.t_pose import positions_from_rotations
 
-
-@dataclass(frozen=True)
-class MannequinShape:
-    """Shape of the mannequin's mesh."""
-
-    chin_radius: float = 0.024
-    """Radius of the usual head's chin (``capsules``), statures; others scale the figure's head in proportion."""
-    least_spacing: float = 0.06
-    """Least distance of a part's vertices, in radii of its thickest capsule."""
-    palm_blend: float = 0.0045
-    """Blend radius within a palm, before palm and fingers are blended, statures."""
-    limb_blend: float = 0.0005
-    """Blend radius within a finger, an arm or a leg, before these are blended, statures."""
-    bend_softness: float = 0.25
-    """Factor on the softness (``_SOFT``) at elbows and knees: half-way between two folded bones, a vertex that both
-    carry would be pinched.
-    """
-    bend_ball_radius: float = 0.95
-    """Radius of the ball in an elbow or a knee, in radii of the limb."""
-    sleeve_end: float = 0.90
-    """Fraction of the forearm that the sleeve covers; from there on a bare wrist leads into the palm."""
-    neck_end: float = 0.65
-    """Fraction of the neck's capsule that is visible below the figure's head."""
-    neck_radius: float = 0.97
-    """Radius of that part, in radii of the neck's capsule."""
-    wrist_radii: tuple[float, float] = (0.0125, 0.0135)
-    """Radii of the bare wrist at its beginning within the sleeve and at the hand, statures."""
-    crease_weight: float = 0.60
-    """Ratio of the second to the first weight of skin that two phalanges carry, above which it is their crease."""
-    crease_shade: float = 0.84
-    """Brightness of a crease relative to the skin around it."""
-
-
-_MANNEQUIN = MannequinShape()
-
-_HEAD_STEP = 1e-5
-"""Unit of the coordinates in ``figure.npz``, statures."""
-_COLOURS = {
-    "face": (0.90, 0.69, 0.56),
-    "lips": (0.76, 0.45, 0.41),
-    "eye": (0.95, 0.94, 0.92),
-    "iris": (0.33, 0.24, 0.17),
-    "pupil": (0.07, 0.06, 0.06),
-    "lash": (0.16, 0.11, 0.09),
-    "brow": (0.24, 0.17, 0.13),
-    "teeth": (0.95, 0.93, 0.88),
-    "tongue": (0.56, 0.26, 0.28),
-    "hair": (0.27, 0.20, 0.17),
-}
-"""Parts in the order of their numbers in the file, and their colours, sRGB 0 to 1."""
-
-
-def has_head(skeleton: Skeleton, shape: BodyCapsules) -> bool:
-    """Tells whether a body has a head, which the figure's replaces."""
-    return "head1" in shape.keys and "head" in rig_info(skeleton).roles.joints
-
-
-def head_parts(skeleton: Skeleton, shape: BodyCapsules, positions: FloatArray) -> tuple[MeshPart, ...]:
-    """Returns the figure's head on a body with a head, by parts; ``positions``: (J, 3) joints in the bind pose."""
-    info = rig_info(skeleton)
-    head, step = info.roles.joints["head"], _step_length(shape)
-    neck = info.roles.joints.get("neck", head)
-    with files("signsplice.body").joinpath("figure.npz").open("rb") as file:
-        stored = {name: np.asarray(array) for name, array in np.load(file).items()}
-    points, normals = stored["vertices"] * step, stored["normals"].astype(np.float64)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    weight = stored["head_weights"] / 255.0
-    ends = np.cumsum(stored["unit_counts"])
-    coefficients = {
-        name: (stored["unit_vertices"][end - n : end].astype(np.int64), stored["unit_moves"][end - n : end] * step)
-        for name, n, end in zip(ARKIT_CHANNELS, stored["unit_counts"].tolist(), ends.tolist(), strict=True)
-    }
-    is_neck, is_one = weight < 0.5, (weight == 0.0) | (weight == 1.0)
-    first, second = np.where(is_neck, neck, head), np.where(is_one, 0, np.where(is_neck, head, neck))
-    larger = np.maximum(weight, 1.0 - weight)
-    weights = np.stack([larger, 1.0 - larger, 0.0 * larger, 0.0 * larger], axis=1)
-    joints = np.stack([first, second, 0 * first, 0 * first], axis=1)
-    triangles = stored["triangles"].astype(np.int64)
-    parts = []
-    for number, (name, colour) in enumerate(_COLOURS.items()):
-        used, corners = np.unique(triangles[stored["parts"] == number], return_inverse=True)
-        moved = {coefficient: _moves_in_part(used, *rows) for coefficient, rows in coefficients.items()}
-        morphs = {coefficient: rows for coefficient, rows in moved.items() if len(rows[0])}
-        vertices, corners = positions[head] + points[used], corners.reshape(-1, 3)
-        parts.append(MeshPart(name, colour, vertices, normals[used], corners, joints[used], weights[used], morphs))
-    return tuple(parts)
-
-
-def _step_length(shape: BodyCapsules) -> float:
-    """Returns the length of a step of the file, clip units, from the thickness of the chin."""
-    return _HEAD_STEP * float(shape.radii[shape.keys.index("head1"), 0]) / _MANNEQUIN.chin_radius
-
-
-def _moves_in_part(
-    used: NDArray[np.int64], rows: NDArray[np.int64], moves: FloatArray
-) -> tuple[NDArray[np.int64], FloatArray]:
-    """Returns the vertices (N,) of a part that a face coefficient moves, by their numbers in the part, and their moves
-    (N, 3). ``used``: the part's vertices in the file; ``rows``, ``moves``: all that the coefficient moves.
-    """
-    index = np.minimum(np.searchsorted(used, rows), len(used) - 1)
-    is_match = used[index] == rows
-    return index[is_match], moves[is_match]
-
-
-SKIN_COLOURS = {"right": (0.93, 0.72, 0.58), "left": (0.80, 0.58, 0.47), "": (0.90, 0.69, 0.56)}
-"""Colours of skin, sRGB 0 to 1; the left hand is darker, to distinguish crossed hands."""
-TIP_COLOURS = {"right": (0.97, 0.63, 0.55), "left": (0.85, 0.50, 0.45)}
-"""Colours of last phalanges, sRGB 0 to 1."""
+STEP = 1e-5
+"""Unit of the offsets in ``figure.npz``, statures."""
+WAIST = 0.4
+"""Height of the waist between hips and shoulders."""
+SKIN_COLOURS = {"right": (0.95, 0.77, 0.66), "left": (0.89, 0.71, 0.61), "": (0.94, 0.76, 0.66)}
+"""Colours of skin, sRGB 0 to 1; the left hand is a little darker than the right, to distinguish crossed hands."""
 PART_COLOURS = {
-    "shirt": (0.26, 0.31, 0.40),
-    "sleeve": (0.30, 0.36, 0.46),
-    "cuff": (0.30, 0.36, 0.46),
-    "leg": (0.33, 0.33, 0.36),
-    "shoe": (0.20, 0.20, 0.22),
-    "hair": (0.27, 0.20, 0.17),
-    "eye": (0.16, 0.13, 0.13),
-    "mouth": (0.66, 0.36, 0.34),
+    "shirt": (0.20, 0.25, 0.36),
+    "trim": (0.15, 0.19, 0.28),
+    "sleeve": (0.20, 0.25, 0.36),
+    "cuff": (0.20, 0.25, 0.36),
+    "trousers": (0.40, 0.39, 0.38),
+    "leg": (0.40, 0.39, 0.38),
+    "shoe": (0.22, 0.21, 0.21),
+    "lips": (0.80, 0.50, 0.46),
+    "mouth": (0.80, 0.50, 0.46),
+    "eye": (0.95, 0.94, 0.92),
+    "iris": (0.36, 0.25, 0.16),
+    "pupil": (0.07, 0.06, 0.06),
+    "lash": (0.13, 0.09, 0.08),
+    "brow": (0.26, 0.18, 0.14),
+    "teeth": (0.95, 0.93, 0.88),
+    "tongue": (0.66, 0.34, 0.35),
+    "hair": (0.27, 0.18, 0.14),
 }
 """Colours of parts that are no skin, sRGB 0 to 1."""
-
-_STEP = {"face": 0.0036, "hair": 0.0060, "neck": 0.0100, "shirt": 0.0120, "leg": 0.0200, "shoe": 0.0140}
-"""Distance of a part's vertices as a fraction of stature: 6 mm in the face of a body of 1.70 m; 4.8 mm by default."""
-_BLEND = {"shirt": 0.0085, "face": 0.0035, "leg": 0.0040, "hand": 0.0014}
-"""Blend radius of the capsules of a part, as a fraction of stature; 1 mm by default."""
-_SOFT = {"shirt": 0.45}
-"""Softness of the transition from one joint to the next, in mean radii of the capsule; 0.28 by default."""
+_NAIL_SHADE = 1.03
+"""Brightness of nails relative to skin."""
 _SPREAD_DEG = {"Index": 7.0, "Middle": 1.0, "Ring": -6.0, "Little": -14.0}
-"""Spread of the fingers in the bind pose, degrees, so that their meshes do not merge."""
-_GROWN = {"mouth": 0.0020, "eye": 0.0010}
-"""Addition to the radii of parts on the face, as a fraction of stature, because blending makes the face fuller."""
+"""Spread of the fingers in the bind pose, degrees, so that hands and wrists of all rigs are alike."""
+_WRIST, _IN_SLEEVE = 0.8, 0.6
+"""Of the wrist of a hand that is drawn as capsules: thickness in that of the forearm's end, and where it begins."""
+_RINGS_DEG = np.array([150.0, 120.0, 90.0, 90.0, 60.0, 30.0])
+"""Angles from its axis of the six rings of a drawn capsule, three at either end."""
+_AROUND = 12
+"""Number of vertices of a ring."""
 
 
 def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
@@ -169,14 +72,14 @@ def body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
 
 
 def _body_mesh(skeleton: Skeleton) -> tuple[MeshPart, ...]:
-    return capsule_mesh(skeleton, body_capsules(skeleton))
+    return figure_mesh(skeleton, body_capsules(skeleton))
 
 
 def colour(part: str, side: str) -> tuple[float, float, float]:
-    """Returns the colour of a capsule by its part and side, sRGB 0 to 1."""
-    if part in PART_COLOURS:
-        return PART_COLOURS[part]
-    return TIP_COLOURS[side] if part.endswith("Tip") and side else SKIN_COLOURS[side]
+    """Returns the colour of a part of a body by its kind and side, sRGB 0 to 1."""
+    red, green, blue = PART_COLOURS.get(part, SKIN_COLOURS[side])
+    shade = _NAIL_SHADE if part == "nails" else 1.0
+    return shade * red, shade * green, shade * blue
 
 
 def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
@@ -198,238 +101,182 @@ def bind_pose(skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, eq=False)
-class _MeshCapsules:
-    """The capsules of one part in the bind pose.
+class FigureFile:
+    """The figure as ``figure.npz`` has it: V vertices, F triangles, K anchors, R roles, P parts. Of anchors and roles,
+    the one above comes first.
 
-    starts, ends: (C, 3) of their axes.
-    radii: (C, 2) at both ends.
-    joints: (C,) that carry them.
-    blend_groups: (C,) number of the group in which each blends first.
+    anchors: (K,) names: roles, and those that ``find_anchors`` adds.
+    anchors_above: (K,) number of the anchor from which one that is not known is measured.
+    anchor_places: (K, 3) on the model's body, statures.
+    anchor_capsules: (K,) key of the capsule by whose start the thickness there is measured; "" takes that above.
+    anchor_radii: (K,) its radius on the model's body, statures.
+    roles: (R,) that carry vertices.
+    roles_above: (R,) number of the role that replaces one that is not known.
+    part_names: (P,) with their side.
+    part_roles: (P,) roles without which a part is left out, separated by blanks.
+    parts: (F,) number of the part.
+    triangles: (F, 3) numbers of vertices.
+    offsets: (V, 3) from the points between anchors, steps.
+    normals: (V, 3) in 127ths.
+    anchor_rows, anchor_weights: (V, 4) the anchors of each vertex, and their weights in 255ths.
+    role_rows, role_weights: (V, 4) the roles that carry each vertex, and their weights in 255ths.
+    unit_counts: (52,) number of vertices that each coefficient of the face moves.
+    unit_vertices, unit_moves: these vertices, coefficient by coefficient, and their displacements at 1, (N, 3) steps.
     """
 
-    starts: FloatArray
-    ends: FloatArray
-    radii: FloatArray
-    joints: NDArray[np.intp]
-    blend_groups: NDArray[np.intp]
+    anchors: NDArray[np.str_]
+    anchors_above: NDArray[np.uint8]
+    anchor_places: FloatArray
+    anchor_capsules: NDArray[np.str_]
+    anchor_radii: FloatArray
+    roles: NDArray[np.str_]
+    roles_above: NDArray[np.uint8]
+    part_names: NDArray[np.str_]
+    part_roles: NDArray[np.str_]
+    parts: NDArray[np.uint8]
+    triangles: NDArray[np.uint16]
+    offsets: NDArray[np.int16]
+    normals: NDArray[np.int8]
+    anchor_rows: NDArray[np.uint8]
+    anchor_weights: NDArray[np.uint8]
+    role_rows: NDArray[np.uint8]
+    role_weights: NDArray[np.uint8]
+    unit_counts: NDArray[np.uint16]
+    unit_vertices: NDArray[np.uint16]
+    unit_moves: NDArray[np.int16]
 
 
-def capsule_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
-    """Returns the mesh of a skeleton whose body has the given capsules, by parts."""
-    rotations, positions = bind_pose(skeleton)
+def _load() -> FigureFile:
+    with files("signsplice.body").joinpath("figure.npz").open("rb") as file, np.load(file) as stored:
+        return FigureFile(**{name: stored[name] for name in stored.files})
+
+
+def figure_mesh(skeleton: Skeleton, shape: BodyCapsules) -> tuple[MeshPart, ...]:
+    """Returns the figure on a skeleton whose body has the given capsules, by parts; capsules without two known arms."""
+    joints, (rotations, positions) = rig_info(skeleton).roles.joints, bind_pose(skeleton)
     starts, ends = (p[0] for p in capsule_ends(shape, rotation.to_matrix(rotations)[None], positions[None]))
-    height = rig_info(skeleton).sizes.stature or float(np.ptp(np.concatenate([starts, ends]), axis=0).max()) or 1.0
-    groups: dict[tuple[str, str], list[int]] = {}
-    has_face = has_head(skeleton, shape)
-    roles = rig_info(skeleton).roles.joints.items()
-    phalanges = np.array([joint for role, joint in roles for finger in FINGERS if finger in role], np.intp)
-    for n, (part, side) in enumerate(zip(shape.parts, shape.sides, strict=True)):
-        if has_face and part in ("face", "nose", "hair", "eye", "mouth"):
+    if any(side + role not in joints for side in SIDES for role in ("UpperArm", "LowerArm", "Hand")):
+        return _capsule_parts(shape, starts, ends, [*range(len(shape.parts))])
+    figure = CACHE.recent(_load, most=1)
+    anchors = find_anchors(joints, positions, dict(zip(shape.keys, ends, strict=True)))
+    points, scale = _place(figure, rig_info(skeleton).sizes.stature or 1.0, anchors, shape)
+    carriers = np.zeros(len(figure.roles), np.int64)
+    for n, (role, above) in enumerate(zip(figure.roles.tolist(), figure.roles_above.tolist(), strict=True)):
+        carriers[n] = joints.get(role, carriers[above] if n else 0)
+    weights = figure.role_weights / 255.0
+    carried = np.where(weights > 0.0, carriers[figure.role_rows], 0)
+    normals = figure.normals / np.linalg.norm(figure.normals, axis=1, keepdims=True)
+    triangles = figure.triangles.astype(np.int64)
+    last = np.cumsum(figure.unit_counts.astype(np.int64)).tolist()
+    parts: list[MeshPart] = []
+    bare_hands: list[str] = []
+    for number, (name, needed) in enumerate(zip(figure.part_names.tolist(), figure.part_roles.tolist(), strict=True)):
+        side, kind = ("", *name.split())[-2:]
+        if any(role not in joints for role in needed.split()):
+            bare_hands += [side] if kind == "hand" else []
             continue
-        groups.setdefault(_mesh_part(part, side), []).append(n)
-    pieces = []
-    for (kind, side), rows in groups.items():
-        parts, sides = [shape.parts[n] for n in rows], [shape.sides[n] for n in rows]
-        capsules = _MeshCapsules(
-            starts[rows], ends[rows].copy(), shape.radii[rows], shape.joints[rows], _blend_groups(parts, sides)
-        )
-        if kind == "shirt":
-            cuffs = [k for k, part in enumerate(parts) if part == "cuff"]
-            forearms = capsules.ends[cuffs] - capsules.starts[cuffs]
-            capsules.ends[cuffs] = capsules.starts[cuffs] + _MANNEQUIN.sleeve_end * forearms
-        if kind == "face" and has_face:  # the neck below the figure's head, which goes into it
-            ends_in = capsules.starts + _MANNEQUIN.neck_end * (capsules.ends - capsules.starts)
-            kind, capsules = "neck", replace(capsules, ends=ends_in, radii=_MANNEQUIN.neck_radius * capsules.radii)
-        if kind == "hand":
-            capsules = _with_wrist(capsules, starts, ends, shape, side, height)
-        capsules = replace(capsules, radii=capsules.radii + height * _GROWN.get(kind, 0.0))
-        tint = colour(kind if kind in PART_COLOURS else parts[0], side)
-        bends = _bends(capsules, [part in ("cuff", "leg") for part in parts])
-        piece = _skin(f"{side} {kind}".strip(), kind, tint, capsules, height, bends)
-        if bends.any():
-            piece = _merge_parts([piece, *(_skin("", kind, tint, ball, height) for ball in _balls(capsules, bends))])
-        pieces += _separate_creases(piece, phalanges) if kind == "hand" else [piece]
-    return (*pieces, *(head_parts(skeleton, shape, positions) if has_face else ()))
+        corners = triangles[figure.parts == number]
+        used, local = np.unique(corners), np.full(len(points), -1)
+        local[used] = np.arange(len(used))
+        morphs = {}
+        for unit, n, end in zip(ARKIT_CHANNELS, figure.unit_counts.tolist(), last, strict=True):
+            moved = local[figure.unit_vertices[end - n : end]]
+            if (is_own := moved >= 0).any():
+                moved = moved[is_own]
+                morphs[unit] = moved, scale[used[moved]] * figure.unit_moves[end - n : end][is_own]
+        tint, corners = colour(kind, side), local[corners]
+        parts.append(MeshPart(name, tint, points[used], normals[used], corners, carried[used], weights[used], morphs))
+    return (*parts, *_hand_capsules(shape, starts, ends, bare_hands))
 
 
-def _separate_creases(hand: MeshPart, phalanges: NDArray[np.intp]) -> list[MeshPart]:
-    """Returns a hand and the darker creases at its finger joints: skin that two phalanges carry about equally."""
-    is_shared = hand.weights[:, 1] > _MANNEQUIN.crease_weight * hand.weights[:, 0]
-    bends = np.isin(hand.joints[:, :2], phalanges).all(axis=1) & is_shared
-    is_crease = bends[hand.triangles].all(axis=1)
-    side, parts = hand.name.partition(" ")[0], []
-    shades = ((hand.name, 1.0, ~is_crease), (f"{side} creases", _MANNEQUIN.crease_shade, is_crease))
-    for name, shade, mask in shades:
-        used, triangles = np.unique(hand.triangles[mask], return_inverse=True)
-        red, green, blue = (shade * value for value in hand.colour)
-        parts.append(MeshPart(
-            name, (red, green, blue), hand.vertices[used], hand.normals[used], triangles.reshape(-1, 3),
-            hand.joints[used], hand.weights[used],
-        ))  # fmt: skip
-    return [part for part in parts if len(part.triangles)]
+def _hand_capsules(
+    shape: BodyCapsules, starts: FloatArray, ends: FloatArray, sides: Collection[str]
+) -> tuple[MeshPart, ...]:
+    """Returns the hands of some sides as capsules, with wrists that begin in the sleeves; arguments as below."""
+    is_wrist = np.array([[part == "cuff"] for part in shape.parts])
+    kinds = tuple("palm" if part == "cuff" else part for part in shape.parts)
+    bare = replace(shape, parts=kinds, radii=np.where(is_wrist, _WRIST * shape.radii[:, 1:], shape.radii))
+    rows = [n for n, part in enumerate(kinds) if shape.sides[n] in sides and _kind(part) == "hand"]
+    return _capsule_parts(bare, starts + np.where(is_wrist, _IN_SLEEVE, 0.0) * (ends - starts), ends, rows)
 
 
-def _bends(capsules: _MeshCapsules, can_bend: Sequence[bool]) -> NDArray[np.bool_]:
-    """Tells which capsules (C,) begin at an elbow or a knee: those that ``can_bend``, at the end of another joint's."""
-    gaps = np.linalg.norm(capsules.ends[None] - capsules.starts[:, None], axis=-1)
-    follows = (gaps < 0.2 * capsules.radii[:, :1]) & (capsules.joints[:, None] != capsules.joints)
-    return np.asarray(follows.any(axis=1) & np.resize(np.array(can_bend), len(capsules.starts)))
+def find_anchors(
+    joints: Mapping[str, int], positions: FloatArray, ends: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Returns the places (3,) of the joints of roles, of the fingers' ends, of the middle between the shoulders, and of
+    a waist on the line from the hips by the spine to there.
 
-
-def _balls(capsules: _MeshCapsules, bends: NDArray[np.bool_]) -> list[_MeshCapsules]:
-    """Returns a ball for every elbow and knee, in which the meshes on both sides end when the limb bends."""
-    return [
-        _MeshCapsules(
-            start := capsules.starts[n : n + 1],
-            start.copy(),
-            _MANNEQUIN.bend_ball_radius * capsules.radii[n : n + 1, :1].repeat(2, axis=1),
-            capsules.joints[n : n + 1],
-            np.zeros(1, np.intp),
-        )
-        for n in np.flatnonzero(bends)
-    ]
-
-
-def _merge_parts(pieces: Sequence[MeshPart]) -> MeshPart:
-    """Returns the pieces as one, with the name and colour of the first."""
-    starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    return replace(
-        pieces[0],
-        vertices=np.concatenate([piece.vertices for piece in pieces]),
-        normals=np.concatenate([piece.normals for piece in pieces]),
-        triangles=np.concatenate([piece.triangles + k for piece, k in zip(pieces, starts[:-1], strict=True)]),
-        joints=np.concatenate([piece.joints for piece in pieces]),
-        weights=np.concatenate([piece.weights for piece in pieces]),
-    )
-
-
-def _mesh_part(part: str, side: str) -> tuple[str, str]:
-    """Returns the kind and side of the part of the mesh that a capsule's part belongs to."""
-    if part in ("sleeve", "cuff", "shirt"):
-        return "shirt", ""
-    if part in ("face", "nose", "neck"):
-        return "face", ""
-    return ("hand" if part in ("palm", *FINGERS) else part), side
-
-
-def _blend_groups(parts: list[str], sides: list[str]) -> NDArray[np.intp]:
-    """Returns groups (C,) of capsules that blend first: a palm, each finger, an arm, a leg, else each capsule alone."""
-    limbs = {"sleeve": "arm", "cuff": "arm", "leg": "leg"} | {part: part for part in ("palm", *FINGERS)}
-    names = [
-        f"{limbs[part]} {side}" if part in limbs else str(n)
-        for n, (part, side) in enumerate(zip(parts, sides, strict=True))
-    ]
-    return np.unique(names, return_inverse=True)[1]
-
-
-def _with_wrist(
-    capsules: _MeshCapsules, starts: FloatArray, ends: FloatArray, shape: BodyCapsules, side: str, height: float
-) -> _MeshCapsules:
-    """Returns a hand with the end of its forearm, which the sleeve leaves bare."""
-    cuff = next((n for n, part in enumerate(shape.parts) if part == "cuff" and shape.sides[n] == side), None)
-    if cuff is None:
-        return capsules
-    start = starts[cuff] + (_MANNEQUIN.sleeve_end - 0.15) * (ends[cuff] - starts[cuff])
-    return _MeshCapsules(
-        np.concatenate([capsules.starts, start[None]]),
-        np.concatenate([capsules.ends, ends[cuff][None]]),
-        np.concatenate([capsules.radii, height * np.array([_MANNEQUIN.wrist_radii])]),
-        np.append(capsules.joints, shape.joints[cuff]),
-        np.append(capsules.blend_groups, capsules.blend_groups[0]),  # the palm comes first
-    )
-
-
-def _skin(
-    name: str,
-    kind: str,
-    tint: tuple[float, float, float],
-    capsules: _MeshCapsules,
-    height: float,
-    bends: NDArray[np.bool_] | None = None,
-) -> MeshPart:
-    """Returns the surface of blended capsules as a part of the mesh; ``bends``: capsules (C,) that begin at a bend."""
-    blend = height * _BLEND.get(kind, 0.0006)
-    blends = {int(k): _MANNEQUIN.limb_blend * height for k in capsules.blend_groups}
-    if kind == "hand":
-        blends[int(capsules.blend_groups[0])] = _MANNEQUIN.palm_blend * height  # the palm comes first
-    groups = [(np.flatnonzero(capsules.blend_groups == k), within) for k, within in blends.items()]
-
-    def field(points: FloatArray) -> FloatArray:
-        each = _distances(points, capsules)
-        return _union(np.stack([_union(each[rows], within) for rows, within in groups]), blend)
-
-    margin = capsules.radii.max() + 2.0 * blend
-    low, high = (
-        np.minimum(capsules.starts, capsules.ends).min(axis=0) - margin,
-        np.maximum(capsules.starts, capsules.ends).max(axis=0),
-    )
-    step = max(height * _STEP.get(kind, 0.0028), _MANNEQUIN.least_spacing * float(capsules.radii.max()))
-    vertices, normals, triangles = surface(field, low, high + margin, step)
-    softness = _SOFT.get(kind, 0.28) * capsules.radii.mean(axis=1)
-    if bends is not None:
-        softness[bends] *= _MANNEQUIN.bend_softness
-    joints, weights = _skin_weights(_distances(vertices, capsules).T, softness, capsules.joints)
-    return MeshPart(name, tint, vertices, normals, triangles, joints, weights)
-
-
-def _union(distances: FloatArray, blend: float) -> FloatArray:
-    """Returns a smooth union (N,) of distances (C, N): a point close to several solids counts as slightly deeper."""
-    if len(distances) == 1:
-        return np.asarray(distances[0])
-    nearest = distances.min(axis=0)
-    closeness = np.exp((nearest - distances) / blend)
-    return np.asarray(nearest - blend * np.log(closeness.T.copy().sum(axis=1)))  # copied: sums equal those of a row
-
-
-def _distances(points: FloatArray, capsules: _MeshCapsules) -> FloatArray:
-    """Returns signed distances (C, N) of points (N, 3) from tapered capsules, negative inside.
-
-    A tapered capsule is the union of all balls between its two end balls.
+    positions: (J, 3) joints in the bind pose. ends: of capsules, by their keys.
     """
-    axes, (first, second) = capsules.ends - capsules.starts, capsules.radii.T[:, :, None]  # (C, 3), (C, 1)
-    squared, taper = np.einsum("cx,cx->c", axes, axes)[:, None], first - second
-    slope = squared - taper**2
-    cone = slope > 1e-12 * squared  # else one ball contains the other
-    divisor = np.where(cone, squared, 1.0)
-    middle = capsules.starts.mean(axis=0)  # small numbers keep the matrix products accurate
-    points, starts = points - middle, capsules.starts - middle
-    dots = axes @ points.T
-    dots -= np.einsum("cx,cx->c", starts, axes)[:, None]
-    far = np.einsum("nx,nx->n", points, points) + np.einsum("cx,cx->c", starts, starts)[:, None]
-    far -= starts @ (2.0 * points).T
-    np.maximum(far, 0.0, out=far)  # squared, from the start
-    offset_squared = np.maximum(far - dots**2 / divisor, 0.0)  # squared, from the axis
-    steep = np.sqrt(np.where(cone, slope, divisor) / divisor)
-    offset = np.sqrt(offset_squared)
-    # Centre of the ball with the nearest surface, from 0 at the start to l^2 at the end.
-    centre = dots - taper * offset / steep
-    distances: FloatArray = offset * steep + dots * taper / divisor - first
-    start = np.sqrt(far) - first
-    np.copyto(distances, np.sqrt(offset_squared + (dots - squared) ** 2 / divisor) - second, where=centre >= squared)
-    np.copyto(distances, start, where=centre <= 0.0)
-    if not cone.all():
-        ball = np.where(first >= second, start, np.sqrt(np.maximum(far - 2.0 * dots + squared, 0.0)) - second)
-        np.copyto(distances, ball, where=~cone)
-    return distances
+    places = {role: positions[joint] for role, joint in joints.items()}
+    places |= {f"{key}End": end for key, end in ends.items() if key.endswith("Distal")}
+    places["girdle"] = 0.5 * (places["leftUpperArm"] + places["rightUpperArm"])
+    if "hips" in places:
+        line = np.stack([places["hips"], places.get("spine", places.get("chest", places["hips"])), places["girdle"]])
+        height = line[0, 1] + WAIST * (line[2, 1] - line[0, 1])
+        places["waist"] = np.array([np.interp(height, line[:, 1], line[:, axis]) for axis in range(3)])
+    return places
 
 
-def _skin_weights(
-    distances: FloatArray, softness: FloatArray, joints: NDArray[np.intp]
-) -> tuple[NDArray[np.int64], FloatArray]:
-    """Returns skinning joints and weights (V, 4) of vertices, from distances (V, C) to the capsules of each joint.
+def _place(
+    figure: FigureFile, height: float, anchors: Mapping[str, FloatArray], shape: BodyCapsules
+) -> tuple[FloatArray, FloatArray]:
+    """Returns the figure's vertices (V, 3) on a body of a stature, and the length of a step at each (V, 1)."""
+    places, thickness = height * figure.anchor_places, np.ones(len(figure.anchors))
+    radii = dict(zip(shape.keys, (shape.radii[:, 0] / height).tolist(), strict=True))
+    steps = places - places[figure.anchors_above]
+    for n, (name, above) in enumerate(zip(figure.anchors.tolist(), figure.anchors_above.tolist(), strict=True)):
+        places[n] = anchors.get(name, places[above] + steps[n])
+        capsule = str(figure.anchor_capsules[n])
+        thickness[n] = radii[capsule] / figure.anchor_radii[n] if capsule in radii else thickness[above]
+    shares = figure.anchor_weights / 255.0
+    scale = STEP * height * np.einsum("vk,vk->v", shares, thickness[figure.anchor_rows])[:, None]
+    return np.einsum("vk,vkx->vx", shares, places[figure.anchor_rows]) + scale * figure.offsets, scale
 
-    softness: (C,) distance over which a vertex passes from one capsule to the next; the smaller of two counts.
-    """
-    nearest = distances.argmin(axis=1)
-    soft = np.minimum(softness, softness[nearest, None])
-    falloff = np.exp(-(distances - distances.min(axis=1, keepdims=True)) / soft)
-    carriers = np.unique(joints)
-    joint_falloff = np.stack([falloff[:, joints == joint].max(axis=1) for joint in carriers], axis=1)
-    n_missing = max(0, N_JOINTS - len(carriers))
-    joint_falloff = np.pad(joint_falloff, ((0, 0), (0, n_missing)))
-    carriers = np.pad(carriers, (0, n_missing))
-    order = np.argsort(-joint_falloff, axis=1, kind="stable")[:, :N_JOINTS]
-    weights = np.take_along_axis(joint_falloff, order, axis=1)
-    weights[weights < 0.02 * weights[:, :1]] = 0.0
-    weights /= weights.sum(axis=1, keepdims=True)
-    return np.where(weights > 0.0, carriers[order], 0).astype(np.int64), weights
+
+def _kind(part: str) -> str:
+    """Returns the kind of mesh that shows a capsule of a part."""
+    return "hand" if part in ("palm", *FINGERS) or part.endswith("Tip") else part
+
+
+def _capsule_parts(shape: BodyCapsules, starts: FloatArray, ends: FloatArray, rows: list[int]) -> tuple[MeshPart, ...]:
+    """Returns some capsules, each a closed surface, by kind and side. starts, ends: (C, 3) of axes in the bind pose."""
+    axes = ends - starts
+    lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+    axes = np.where(lengths > 0.0, axes / np.maximum(lengths, 1e-300), [0.0, 1.0, 0.0])
+    first = np.cross(axes, np.eye(3)[np.abs(axes).argmin(axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    turns = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    around = np.cos(turns)[:, None] * first[:, None] + np.sin(turns)[:, None] * np.cross(axes, first)[:, None]
+    cos, sin = np.cos(np.deg2rad(_RINGS_DEG))[:, None, None], np.sin(np.deg2rad(_RINGS_DEG))[:, None, None]
+    rings = cos * axes[:, None, None] + sin * around[:, None]  # (C, 6, 12, 3)
+    normals = np.concatenate([-axes[:, None], rings.reshape(len(axes), -1, 3), axes[:, None]], axis=1)
+    n_half = 1 + _AROUND * len(_RINGS_DEG) // 2
+    points = np.concatenate([
+        starts[:, None] + shape.radii[:, :1, None] * normals[:, :n_half],
+        ends[:, None] + shape.radii[:, 1:, None] * normals[:, n_half:],
+    ], axis=1)  # fmt: skip
+    corner = np.arange(_AROUND)
+    after, last = np.roll(corner, -1), normals.shape[1] - 1
+    faces = [np.stack([0 * corner, 1 + after, 1 + corner], 1),
+             np.stack([0 * corner + last, last - _AROUND + corner, last - _AROUND + after], 1)]  # fmt: skip
+    for low in range(1, last - _AROUND, _AROUND):
+        a, b, c, d = low + corner, low + after, low + _AROUND + after, low + _AROUND + corner
+        faces += [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
+    one, count = np.concatenate(faces), normals.shape[1]
+    groups: dict[tuple[str, str], list[int]] = {}
+    for n in rows:
+        groups.setdefault((shape.sides[n], _kind(shape.parts[n])), []).append(n)
+    weights = np.eye(1, N_JOINTS)
+    return tuple(
+        MeshPart(
+            f"{side} {kind}".strip(),
+            colour(kind, side),
+            points[own].reshape(-1, 3),
+            normals[own].reshape(-1, 3),
+            np.concatenate([one + k * count for k in range(len(own))]),
+            np.pad(shape.joints[own].repeat(count)[:, None], ((0, 0), (0, N_JOINTS - 1))).astype(np.int64),
+            np.tile(weights, (count * len(own), 1)),
+        )
+        for (side, kind), own in groups.items()
+    )

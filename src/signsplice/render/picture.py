@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.body.capsules import Avatar, BodyCapsules, body_capsules, capsule_ends
-from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, TIP_COLOURS, capsule_mesh
+from signsplice.body.mesh import PART_COLOURS, SKIN_COLOURS, figure_mesh
 from signsplice.errors import InputError
 from signsplice.motion import Clip, FloatArray, Skeleton, kinematics
 from signsplice.motion.face import target_weights
@@ -26,8 +26,10 @@ VIEWS = {"front": 0.0, "three-quarter": 40.0, "side": 90.0}
 
 _LIGHT = (0.45, 0.62, 0.78)
 """Towards the key light, at the signer's front left: left, up and forward."""
-_LEGS = ("leg", "shoe")
-"""Body parts that the camera may crop."""
+_CROPPED = ("belly", "hips", *(side + bone for side in SIDES for bone in ("UpperLeg", "LowerLeg", "Foot")))
+"""Capsules that the camera may crop, as their keys begin."""
+_MARGIN = 0.02
+"""Margin of a picture, statures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     """Sets up a clip for drawing from one of ``VIEWS`` with a fixed camera. ``body``: the signer's body, if its
     proportions are unusual; ``above_deg``: elevation of the camera.
 
-    The view reaches from mid-thigh to above the head, and includes the hands in every frame. Raises ``InputError`` for
+    The view reaches from the hips to above the head, and includes the hands in every frame. Raises ``InputError`` for
     another view.
     """
     if view not in VIEWS:
@@ -83,7 +85,7 @@ def make_scene(clip: Clip, view: str = "front", body: BodyCapsules | None = None
     level = np.cos(angle) * signer.forward + np.sin(angle) * leftward
     cos, sin = np.cos(np.deg2rad(above_deg)), np.sin(np.deg2rad(above_deg))
     axes = np.stack([np.cross(signer.up, level), cos * signer.up - sin * level, cos * level + sin * signer.up])
-    skin = skeleton.derived[skin_of] if body is None else join_parts(skeleton, capsule_mesh(skeleton, body))
+    skin = skeleton.derived[skin_of] if body is None else join_parts(skeleton, figure_mesh(skeleton, body))
     body = body or body_capsules(skeleton)
     rotations, positions = kinematics.forward(clip)
     starts, ends = capsule_ends(body, rotations, positions)
@@ -138,15 +140,15 @@ def _head_points(skin: Skin, skeleton: Skeleton, rotations: FloatArray, position
 def _window(
     body: BodyCapsules, starts: FloatArray, ends: FloatArray, radii: FloatArray, more: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Returns left, right, bottom and top of the box around all parts except the legs and ``more`` points (T, N, 3),
+    """Returns left, right, bottom and top of the box around head, chest, arms and hands and ``more`` points (T, N, 3),
     over all frames.
     """
-    upper = np.array([part not in _LEGS for part in body.parts])
-    points = np.concatenate([starts[:, upper], ends[:, upper], more], axis=1)  # (T, 2 C + N, 3)
-    margins = np.concatenate([radii[upper, :1], radii[upper, :1], np.zeros((more.shape[1], 1))])
+    shown = np.array([not key.startswith(_CROPPED) for key in body.keys])
+    shown |= not shown.any()
+    points = np.concatenate([starts[:, shown], ends[:, shown], more], axis=1)  # (T, 2 C + N, 3)
+    margins = np.concatenate([radii[shown, :1], radii[shown, :1], np.zeros((more.shape[1], 1))])
     low, high = (points - margins).min(axis=(0, 1)), (points + margins).max(axis=(0, 1))
-    margin = 0.025
-    return float(low[0] - margin), float(high[0] + margin), float(low[1] - margin), float(high[1] + margin)
+    return tuple(np.array([low[0], high[0], low[1], high[1]]) + _MARGIN * np.array([-1.0, 1.0, -1.0, 1.0]))
 
 
 def _hand_centres(body: BodyCapsules, starts: FloatArray, ends: FloatArray) -> FloatArray:
@@ -250,7 +252,7 @@ def _with_face(scene: Scene, frame: int) -> Pixels:
 
 def detail_colours() -> list[tuple[int, int, int]]:
     """Returns colours 0..255 of the small details hands, fingertips and mouth, each from bright to shaded."""
-    tints = [*TIP_COLOURS.values(), *SKIN_COLOURS.values(), PART_COLOURS["mouth"]]
+    tints = [*SKIN_COLOURS.values(), PART_COLOURS["lips"]]
     shades = np.linspace(1.0, 0.5, 6)[:, None] * 255.0
     return [(int(r), int(g), int(b)) for tint in tints for r, g, b in shades * np.array(tint)]
 

@@ -175,4 +175,4 @@ def _morphs(parts: Sequence[MeshPart], starts: NDArray[np.intp]) -> dict[str, tu
 def _hand_of(part: MeshPart) -> str:
     """Returns the side of a hand or fingertip part, or "" for other parts."""
     side, _, kind = part.name.partition(" ")
-    return side if kind in ("hand", "creases") or kind.endswith("Tip") else ""
+    return side if kind in ("hand", "nails") else ""

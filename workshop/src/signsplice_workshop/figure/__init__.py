@@ -1,0 +1,1 @@
+"""Makes the figure of ``signsplice.body.mesh`` from MakeHuman's base mesh."""
