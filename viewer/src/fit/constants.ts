@@ -77,6 +77,7 @@ export const capsules = {
 export const gltf_mesh = {
   N_JOINTS: 4,
   TRIANGLES: 4,
+  IMAGES: {".png": "image/png", ".jpeg": "image/jpeg", ".webp": "image/webp", ".ktx2": "image/ktx2", ".jpg": "image/jpeg"},
   VERTEX_BYTES: 400,
   INDEX_BYTES: 64,
   PART_BYTES: 4000,
