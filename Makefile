@@ -14,7 +14,7 @@ PLACES := src tests examples workshop research viewer conftest.py
 COMPILE := $(VENV)/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
 	--only-binary :all: --no-annotate --custom-compile-command "make lock" $(if $(UPGRADE),--upgrade)
 
-.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lowest lock bench fuzz words corpus measured smoke paper weights clean
+.PHONY: attacks demo test test-slow lint types unit viewer player wheel try-wheel lowest lock bench fuzz words corpus measured smoke paper weights pictures clean
 
 demo: $(VENV)/.demo            ## splice the words that ship, and leave a BVH, a GIF, a sheet, a report and an avatar in out/demo
 	@$(MAKE) --no-print-directory viewer || echo "the viewer is not built: \`view\` needs it"
@@ -95,6 +95,9 @@ paper: $(VENV)/.dev            ## the paper whole at cpu scale: hours; SCALE=pap
 
 weights: $(VENV)/.dev          ## make the networks that ship, from nothing, in parts: two hours; PARTS="networks ship" makes these
 	$(BIN)/python workshop/runs/weights.py $(PARTS)
+
+pictures: $(VENV)/.dev $(PAGE) ## the pictures of docs and README anew (needs Node and Chromium)
+	CHROMIUM=$${CHROMIUM:-$$(command -v chromium)} $(BIN)/python workshop/runs/pictures.py docs/images
 
 clean:                         ## forget the environment and everything made
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,9 +1,9 @@
-"""Draws the pictures of docs/face.md and docs/formats.md, and the film of the README, with the package itself.
+"""Draws the pictures of docs and the films of the README with the package itself; but viewer-avatar.png, by hand.
 
-    python workshop/runs/face_sheets.py docs/images
+    make pictures
 
-Run it again after ``figure.py`` has changed the head. It needs Pillow, and for faces in other programs the packages
-that ``npm ci`` installs in viewer/, and ``CHROMIUM=FILE`` in the environment.
+Run it again after ``figure.py`` has changed the figure. It needs Pillow, and for pictures of browsers the packages that
+``npm ci`` installs in viewer/, and Chromium: ``CHROMIUM=FILE`` in the environment.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from signsplice.render.picture import Image as Pixels
 from signsplice.render.picture import Scene, draw, make_scene
 from signsplice.render.sheet import PAPER, write_cells
 from signsplice.rig.info import rig_info
+from signsplice.signer.preview import write_names
 from signsplice.splicing.engine import SpliceOptions, splice
 from signsplice.splicing.faces import LIDS, RULES
 from signsplice.splicing.result import SpliceResult
@@ -35,6 +36,7 @@ from signsplice.splicing.word import words_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE, COLUMNS, COLOURS = 120, 9, 128
+SENTENCE = "HELLO I DEAF I SIGN THANK-YOU"
 REACH, ABOVE = 0.072, 0.044
 """Half of the shown height of a head, and the middle's height above the head's joint, statures."""
 _BOTH = ("Left", "Right")
@@ -83,11 +85,11 @@ def write_shapes(
     write_cells(cells, path, columns, COLOURS)
 
 
-def splice_line(line: str) -> SpliceResult:
-    """Returns a sentence with its face by rule."""
+def splice_line(line: str, system: str | None = None) -> SpliceResult:
+    """Returns a sentence with its face by rule, or one of a system."""
     with open_shipped_lexicon() as lexicon:
         words = words_of(parse(line, lexicon), lexicon.clip, owns_of=lexicon.owns)
-        return splice(words, SpliceOptions(face_rules=RULES))
+        return splice(words, SpliceOptions(face_rules=() if system else RULES, system=system))
 
 
 def choose_frames(line: str) -> tuple[Clip, Sequence[tuple[int, str]]]:
@@ -113,9 +115,9 @@ def write_sentences(lines: Sequence[str], path: Path, columns: int = 8, size: in
     write_cells(cells, path, columns, COLOURS)
 
 
-def write_film(line: str, path: Path, fps: float = 10.0, n_colours: int = 32) -> None:
+def write_film(line: str, path: Path, system: str | None = None, fps: float = 10.0, n_colours: int = 32) -> None:
     """Writes a small film of a sentence for the README."""
-    result = splice_line(line)
+    result = splice_line(line, system)
     rate = fps / result.clip.fps
     marks = [film.Mark(s.kind, s.name or "", *(round(frame * rate) for frame in s.output)) for s in result.spans]
     film.write_pictures(resample(result.clip, fps), path, marks, size=(240, 320))
@@ -165,6 +167,28 @@ def write_players(path: Path) -> None:
         write_cells(cells, path, len(pairs), COLOURS)
 
 
+def write_screens(folder: Path) -> None:
+    """Writes pictures of the service's page on a desk and on a phone; needs node and Chromium."""
+    service = subprocess.Popen(
+        [sys.executable, "-m", "signsplice", "serve", "--port", "0"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert service.stdout is not None
+        address = next(iter(service.stdout)).split()[3]
+        with TemporaryDirectory() as made:
+            command = ["node", str(ROOT / "viewer/checks/screens.mjs"), address, made]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            for size, name in (
+                ("1280x720-touch", ""),
+                ("390x844-touch", "-phone"),
+                ("844x390-touch", "-phone-sideways"),
+            ):
+                page = Image.open(Path(made) / f"{size}.png").convert("RGB")
+                page.quantize(COLOURS, dither=Image.Dither.NONE).save(folder / f"viewer{name}.png", optimize=True)
+    finally:
+        service.terminate()
+
+
 def main(folder: Path) -> None:
     """Writes every page."""
     closed_mouth = {"mouthClose": {"mouthClose": 0.6, "jawOpen": 0.6}}  # mouthClose closes the lips of an open jaw
@@ -172,8 +196,11 @@ def main(folder: Path) -> None:
     write_shapes(VISEMES, folder / "face-visemes.png", 8)
     write_shapes(FACES, folder / "figure-face.png", 4, 180)
     write_sentences(("YOU LIKE COFFEE?", "YOU WHERE LIVE?"), folder / "face-questions.png")
-    write_film("HELLO I DEAF I SIGN THANK-YOU", folder / "sentence.gif")
+    write_film(SENTENCE, folder / "sentence.gif")
+    write_film(SENTENCE, folder / "lptransformer.gif", "lptransformer")
+    write_names(folder)
     write_players(folder / "face-players.png")
+    write_screens(folder)
 
 
 if __name__ == "__main__":
