@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import httpx
@@ -248,14 +249,17 @@ def test_more_words_and_files_than_allowed_are_refused(tight: httpx.Client) -> N
     assert "at most 3" in error_of(tight.post("/v1/splice", files=files))
 
 
-def test_endless_work_is_ended_and_its_worker_replaced(tight: httpx.Client) -> None:
+def test_endless_work_is_ended_and_its_worker_replaced(tight: httpx.Client, tight_folder: Path) -> None:
     def n_lost() -> float:
         return float(tight.get("/metrics").text.split("\nsignsplice_workers_lost ")[1].split()[0])
 
     before = n_lost()
-    answer = upload(tight, wide(900), options='{"formats": ["glb"]}')
+    many = wide(900).replace("Frames: 1\n", "Frames: 5\n") + 4 * f"{'0 ' * 900}\n"  # each joint fills the picture
+    answer = tight.post("/v1/splice?file=gif", files={"files": ("a.bvh", many)})
     assert "took more than 3 s of work" in error_of(answer)
     assert n_lost() == before + 1
+    for folder in tight_folder.iterdir():  # a process that is killed cannot remove its picture's folder
+        rmtree(folder)
 
 
 # --- streams ---
