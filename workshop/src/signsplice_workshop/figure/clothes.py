@@ -29,7 +29,7 @@ _CUFF = 0.88
 """End of the sleeves, in lengths of the forearm."""
 _BANDS = {"collar": 1.7, "cuff": 0.10}
 """Widths of the bands: cm, lengths of the forearm."""
-_ELBOW = 3.0
+_ELBOW = 2.8
 """Radius of the balls in the elbows, cm."""
 _OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5))
 """Its triangles; vertices +X, +Y, +Z, -X, -Y, -Z."""

@@ -156,7 +156,7 @@ def make_brow(
     """Returns a brow: a strip on the skin above an eye, and its displacements by the units of the skin."""
     t = np.linspace(0.0, 1.0, 13)
     x = side * (0.13 + 0.40 * t)
-    y = np.interp(t, [0.0, 0.3, 0.6, 1.0], [1.195, 1.225, 1.225, 1.15])
+    y = np.interp(t, [0.0, 0.35, 0.65, 1.0], [1.185, 1.215, 1.225, 1.165])
     half_width = 0.026 * (1.0 - 0.7 * t**2)
     rows = np.concatenate([np.stack([x, y + s * half_width], 1) for s in (1.0, 0.0, -1.0)])
     a, b, c = (skin[triangles[:, k]] for k in range(3))
