@@ -128,9 +128,11 @@ def tight_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def tight(tight_folder: Path) -> Iterator[httpx.Client]:
     """A client of a service that allows little, with one worker. Its time limits are the default ones, or count
-    processor time: honest requests keep to them on a loaded machine too.
+    processor time: honest requests keep to them on a loaded machine too. It finds no EGL: numpy draws, so that a
+    picture can be endless.
     """
     limits = [f"--limit={name}={value}" for name, value in TIGHT.items()]
-    with http_client("serve", "--workers=1", *limits, cwd=tight_folder) as client:
+    no_egl = {"__EGL_VENDOR_LIBRARY_DIRS": str(tight_folder)}
+    with http_client("serve", "--workers=1", *limits, cwd=tight_folder, **no_egl) as client:
         wait_until_warm(client)
         yield client

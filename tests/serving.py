@@ -26,14 +26,16 @@ PATIENCE_S = 300.0
 
 
 @contextmanager
-def serving(*arguments: str, cwd: Path | None = None) -> Iterator[str]:
-    """The address of `signsplice ARGUMENTS`, which listens until the block ends; it then has to exit without errors."""
+def serving(*arguments: str, cwd: Path | None = None, **environment: str) -> Iterator[str]:
+    """The address of `signsplice ARGUMENTS`, which listens until the block ends; it then has to exit without errors.
+    ``environment``: further variables of its environment.
+    """
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", *arguments, "--port", "0"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1", **({"TMPDIR": str(cwd)} if cwd else {})},
+        env={**os.environ, "OMP_NUM_THREADS": "1", **({"TMPDIR": str(cwd)} if cwd else {}), **environment},
         cwd=cwd,
     )
     assert process.stdout is not None
@@ -54,11 +56,11 @@ def serving(*arguments: str, cwd: Path | None = None) -> Iterator[str]:
 
 
 @contextmanager
-def http_client(*arguments: str, cwd: Path | None = None) -> Iterator[httpx.Client]:
+def http_client(*arguments: str, cwd: Path | None = None, **environment: str) -> Iterator[httpx.Client]:
     """A client of ``serving``. It closes idle connections itself, before the service does so during a request."""
     limits = httpx.Limits(keepalive_expiry=1.0)
     with (
-        serving(*arguments, cwd=cwd) as address,
+        serving(*arguments, cwd=cwd, **environment) as address,
         httpx.Client(base_url=address, timeout=PATIENCE_S, limits=limits) as client,
     ):
         yield client

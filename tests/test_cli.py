@@ -409,6 +409,7 @@ def test_evaluate_prints_json(signsplice: Call) -> None:
     assert {row["drawn"] for row in printed["rows"]} == {0.0}
 
 
+@pytest.mark.slow
 def test_bench_prints_json(signsplice: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "N_LEXICON", 134)
     monkeypatch.setattr(parts, "N_LONG_FRAMES", 300)

@@ -86,7 +86,7 @@ def test_hands_stay_on_skin_that_lies_above_its_capsules(folder: Path) -> None:
     assert 0.009 < distances["plated"] - distances["bare"] < 0.03
 
 
-@pytest.mark.parametrize("gloss", ["PLEASE", "FRIEND"])
+@pytest.mark.parametrize("gloss", ["PLEASE", pytest.param("FRIEND", marks=pytest.mark.slow)])
 def test_vertices_of_hands_lie_where_skins_met_at_the_source(folder: Path, gloss: str) -> None:
     rows = avatar_measures.measure_words([ss.read_avatar(folder / "narrow.vrm")], [open_shipped_lexicon().clip(gloss)])
     assert sum(row.n_touching for row in rows) > 10

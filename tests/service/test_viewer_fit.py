@@ -48,10 +48,13 @@ MOST_M = 0.002
 """Bound of the difference, m. On 22 lines and bodies, on one machine, it was 0.46 mm at most."""
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+(?:e-?\d+)?|e-?\d+)")
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
-    reason="no node, or viewer/node_modules is not installed",
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        shutil.which("node") is None or not (VIEWER / "node_modules").is_dir(),
+        reason="no node, or viewer/node_modules is not installed",
+    ),
+]
 
 
 @lru_cache
