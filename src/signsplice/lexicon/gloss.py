@@ -5,6 +5,7 @@ This module opens no file and loads no database, so that a splice can use it to 
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable
@@ -93,10 +94,40 @@ def fold(text: str) -> str:
     return unicodedata.normalize("NFC", "-".join(text.split())).casefold()
 
 
+_LETTERS = str.maketrans(
+    {"ł": "l", "ø": "o", "đ": "d", "ħ": "h", "ŧ": "t", "ı": "i", "æ": "ae", "œ": "oe", "þ": "th", "ð": "d"}
+)
+"""Letters that Unicode does not decompose -> plain letters."""
+_ACCENT = 200
+"""Combining classes from this on are accents; those below are parts of letters, as in Devanagari and kana."""
+_MARKS = "^*?~!+"
+"""Marks of corpora after a gloss: TO-TELL1^ is close to the meaning of TO-TELL1."""
+_VARIANT = re.compile(rf"[-_]?\d[-_\d]*[a-z]?[{re.escape(_MARKS)}]*$")
+"""The suffix of a variant, folded: TREE-2, GEBEN1A, AMSTEL-B_241220_1."""
+
+
+def plain(text: str) -> str:
+    """Return the lookup key of a gloss without accents and typographic forms: écrire is ecrire, Gruß is gruss."""
+    folded = fold(text)
+    if folded.isascii():
+        return folded
+    decomposed = unicodedata.normalize("NFKD", folded.translate(_LETTERS))
+    return "".join(c for c in decomposed if unicodedata.combining(c) < _ACCENT).casefold()
+
+
+def readings(name: str) -> tuple[str, str, str, str]:
+    """Return the keys by which a name of a lexicon is found, best first: in plain letters, without marks, without the
+    suffix of a variant, and without *to* before an English verb.
+    """
+    key = plain(name)
+    word = "" if key.startswith((LETTER_MARK, "num")) else _VARIANT.sub("", key).rstrip(_MARKS)
+    return key, key.rstrip(_MARKS), word or key, word.removeprefix("to-") or key
+
+
 class Suggestions:
     """Finds the names in a lexicon that are most similar to a word that it lacks.
 
-    names: all glosses and synonyms, folded; equally similar ones keep this order.
+    names: all glosses and synonyms, in plain letters; equally similar ones keep this order.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -105,11 +136,11 @@ class Suggestions:
         self._with_part: dict[str, list[str]] = defaultdict(list)
         for name in self._all:
             if "-" in name:
-                for part in dict.fromkeys(name.split("-")):
+                for part in dict.fromkeys((*name.split("-"), *readings(name)[2].split("-"))):
                     self._with_part[part].append(name)
 
     def nearest(self, word: str, n: int, similarity: float) -> list[str]:
-        """Return up to ``n`` names most similar to a folded word, as described for ``Lexicon.nearest``."""
+        """Return up to ``n`` names most similar to a word in plain letters, as described for ``Lexicon.nearest``."""
         from rapidfuzz.distance import OSA, Indel  # takes 30 ms, needed only for unknown words
         from rapidfuzz.process import extract
 

@@ -7,7 +7,7 @@ The synthetic signer is imported only for words that no folder has.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of
+from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of, plain, readings
 from signsplice.lexicon.store import BUILD_HINT, OWNS, REBUILD, SourceWord, StoredWords, owns_extension
 from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
@@ -159,6 +159,13 @@ class Lexicon:
                 return self.find(word.gloss) if is_hidden else word
         return None
 
+    def match(self, text: str) -> str | None:
+        """Return the gloss that a text stands for as it is typed, or else without accents, marks and the suffix of a
+        variant (tell: TO-TELL1^); None if there is none. Finds no forms of signs.
+        """
+        shown = text if self.lists(text) else self._by_reading.get(plain(text))
+        return None if shown is None else self._word(shown).gloss
+
     def entry(self, gloss: str) -> Entry:
         """Return the entry for a gloss or synonym. Raises ``UnknownGlossError``, which names similar glosses."""
         return self._word(gloss).entry()
@@ -194,12 +201,12 @@ class Lexicon:
         The similarity of two words is twice the length of their longest common subsequence, divided by the sum of
         their lengths. Ties are ordered by edit distance, in which a swap of two neighbours is one edit.
         """
-        return tuple(self._display_names[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
+        return tuple(self._display_names[name] for name in self._suggestions.nearest(plain(gloss), n, similarity))
 
     def find_hyphenated_gloss(self, word: str) -> str | None:
         """Return the gloss that equals ``word`` without its hyphens (THANKYOU: THANK-YOU), or None."""
-        shown = self._without_hyphens.get(fold(word))
-        return None if shown is None else self.entry(shown).gloss
+        shown = self._without_hyphens.get(plain(word))
+        return None if shown is None else self._word(shown).gloss
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
         """Yield faults of the words, one line each: checks bytes, hashes and names against the index. Reads all."""
@@ -236,7 +243,19 @@ class Lexicon:
 
     @cached_property
     def _display_names(self) -> dict[str, str]:
-        return {folded: shown for folded, shown, _ in self.names()}
+        """Every name that typed words are compared with, by its plain letters; that of the first source counts."""
+        names: dict[str, str] = {}
+        for source in self.sources:
+            unlisted = source.unlisted() if isinstance(source, SignedWords) else ()
+            for name in (*(shown for _, shown, _ in source.names()), *unlisted):
+                names.setdefault(plain(name), name)
+        return names
+
+    @cached_property
+    def _by_reading(self) -> dict[str, str]:
+        """The same names by their ``readings``."""
+        names = [(readings(name), name) for name in self._display_names.values()]
+        return {keys[k]: name for k in (3, 2, 1, 0) for keys, name in reversed(names)}  # the first of the best wins
 
     @cached_property
     def _suggestions(self) -> Suggestions:
@@ -278,6 +297,10 @@ class SignedWords(Source, Generic[SignT]):
     @abstractmethod
     def owned_channels(self, sign: SignT) -> frozenset[str]:
         """Return the channels that are a sign's own."""
+
+    def unlisted(self) -> Sequence[str]:
+        """Return glosses that typed words are compared with though they are not listed."""
+        return ()
 
     def find(self, name: str) -> SourceWord | None:
         """Return the word that a name stands for, or None."""
@@ -364,6 +387,10 @@ class WrittenWords(SignedWords["WrittenSign"]):
         from signsplice.written import signing
 
         return signing.animate_sign(sign), "", str(self.path)
+
+    def unlisted(self) -> Sequence[str]:
+        """Return the glosses of all signs."""
+        return [gloss_of(sign.gloss) for sign in self._signs.values()]
 
     def owned_channels(self, sign: WrittenSign) -> frozenset[str]:
         """Return the channels that are a sign's own."""

@@ -294,11 +294,11 @@ def options(dials: wire.Dials) -> SpliceOptions:
 def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """Parse a line of glosses. Raises ``InputError``, also for more words or letters than a sentence may have."""
     limit, lexicon = _worker.settings.max_glosses, _worker.lexicon
-    n_words = len(split_words(text, lexicon.__contains__))
+    n_words = len(split_words(text, lexicon.__contains__, wanted.language))
     if n_words > limit:  # before look-up, which is slow for many words
         raise InputError(f"{n_words} words, expected at most {limit}")
     try:
-        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words)
+        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words, wanted.language)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
