@@ -12,16 +12,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import (
-    BUNDLE,
-    DROP_FUNCTION_WORDS,
-    LANGUAGE,
-    LEXICONS,
-    SEEDS,
-    combine_options,
-    option,
-    preset,
-)
+from signsplice.cli.options import BUNDLE, LEXICONS, READING, SEEDS, combine_options, option, preset
 from signsplice.cli.terminal import open_console, require, size, warn
 from signsplice.errors import InputError
 
@@ -122,8 +113,7 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @option("--words", "A:B", "Words of a sentence, least and most.  [default: 3:10]")
 @option("--signer signers", "NAME", "Who signs; given again, each recipe draws one.", multiple=True)
 @_SEED
-@DROP_FUNCTION_WORDS
-@LANGUAGE
+@READING
 @dial_options
 def recipes(
     lines: str | None,

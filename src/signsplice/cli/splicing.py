@@ -36,9 +36,8 @@ from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import (
     AS_JSON,
     BUNDLE,
-    DROP_FUNCTION_WORDS,
-    LANGUAGE,
     LEXICONS,
+    READING,
     SEEDS,
     combine_options,
     flag,
@@ -151,8 +150,7 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
     "--no-spell", "Refuse a line with words that are not in the lexicon instead of spelling them or leaving them out."
 )
 @flag("--no-compounds", "Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
-@DROP_FUNCTION_WORDS
-@LANGUAGE
+@READING
 @flag("--no-pauses", "Hold no sign at punctuation.")
 @option(
     "--face-rules/--no-face-rules",

@@ -115,13 +115,15 @@ def plain(text: str) -> str:
     return "".join(c for c in decomposed if unicodedata.combining(c) < _ACCENT).casefold()
 
 
-def readings(name: str) -> tuple[str, str, str, str]:
+def readings(name: str) -> tuple[str, ...]:
     """Return the keys by which a name of a lexicon is found, best first: in plain letters, without marks, without the
-    suffix of a variant, and without *to* before an English verb.
+    suffix of a variant, without *to* before an English verb, without hyphens.
     """
     key = plain(name)
-    word = "" if key.startswith((LETTER_MARK, "num")) else _VARIANT.sub("", key).rstrip(_MARKS)
-    return key, key.rstrip(_MARKS), word or key, word.removeprefix("to-") or key
+    if key.startswith((LETTER_MARK, "num")):
+        return (key,) * 5
+    word = _VARIANT.sub("", key).rstrip(_MARKS) or key
+    return key, key.rstrip(_MARKS), word, word.removeprefix("to-") or word, word.replace("-", "")
 
 
 class Suggestions:

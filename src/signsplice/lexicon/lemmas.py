@@ -57,12 +57,10 @@ def lemmas(word: str, language: str) -> Iterator[str]:
     if not language or len(word) > _LONGEST or (is_english and word.casefold() in _NOT_INFLECTED):
         return
     base = re.sub("'s?$", "", word) if is_english else word.rpartition("'")[2]  # mother's, l'école
-    yield from (without_copula(word) if is_english else "", base)
     found = [_lemma(form, language) for form in dict.fromkeys((base, base.lower(), base.capitalize()))]
-    yield from found
-    if is_english:
-        for form in dict.fromkeys((base.lower(), *found)):
-            yield from () if form in _NOT_INFLECTED else _without_ending(form)
+    yield from (without_copula(word) * is_english, base, *found)
+    for form in dict.fromkeys((base.lower(), *found)) if is_english else ():
+        yield from () if form in _NOT_INFLECTED else _without_ending(form)
 
 
 def _lemma(word: str, language: str) -> str:
@@ -78,17 +76,11 @@ def _lemma(word: str, language: str) -> str:
 
 def _without_ending(word: str) -> Iterator[str]:
     """Yield what an English word may be without its ending: making, stopped, studies: make, stop, study."""
-    if word.endswith("ies"):
-        yield f"{word[:-3]}y"
-    for ending in ("s", "es", "ed", "ing", "er"):
+    for ending in ("ies", "s", "es", "ed", "ing", "er"):
         stem = word.removesuffix(ending)
         if stem == word or len(stem) < 3:
             continue
-        if ending == "s" or (ending == "es" and _SIBILANT.fullmatch(stem)):
-            yield stem
+        if ending in ("ies", "s") or (ending == "es" and _SIBILANT.fullmatch(stem)):
+            yield f"{stem}y" if ending == "ies" else stem
         elif ending != "es":
-            yield f"{stem}e"
-            if not _SHUT.fullmatch(stem):
-                yield stem
-            if stem[-1] == stem[-2]:
-                yield stem[:-1]
+            yield from (f"{stem}e", "" if _SHUT.fullmatch(stem) else stem, stem[:-1] * (stem[-1] == stem[-2]))

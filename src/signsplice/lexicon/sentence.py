@@ -204,10 +204,6 @@ class SentenceToken:
     pause: str = ""
 
 
-class _UnsayableError(InputError):
-    """The lexicon lacks a letter of a token to fingerspell, or the form of a gloss."""
-
-
 def parse(
     text: str,
     lexicon: Lexicon,
@@ -238,36 +234,21 @@ def parse(
         left_out_note = f"; {left_out[:40]!r} stands for none" if left_out else ""
         raise InputError(f"no gloss in the sentence, expected at least one{left_out_note}")
     readings: list[SentenceToken] = []
-    faults: list[_UnsayableError] = []
-    unknown: dict[str, tuple[str, ...]] = {}
     index = 0
     while index < len(words):
-        word = words[index]
-        kept = word.meant or (_drop_function_word(words, index) if drop_function_words else word.text)
         token = _compound(words[index : index + _LONGEST_COMPOUND], lexicon, language) if compounds else None
-        try:
-            token = token or _token(word, kept, lexicon, spell, compounds, language)
-        except _UnsayableError as error:
-            faults.append(error)
-            token = SentenceToken(
-                word.text, (), warning=f"{error}, so it is left out".removeprefix(f"{lexicon.where}: ")
-            )
-        if token is None:
-            unknown[word.text] = near = lexicon.nearest(kept)
-            so = f": did you mean {' or '.join(near)}? It" if near else ", so it"
-            token = SentenceToken(
-                word.text,
-                (),
-                warning=f"no gloss {word.text!r}, and no letters for it{so} is left out",
-                suggestions=near,
-            )
+        token = token or _token(words, index, lexicon, spell, drop_function_words, language)
         index += max(1, len(token.token.split()))
         readings.append(replace(token, pause=words[index - 1].pause))
-    is_said = any(token.glosses for token in readings)
-    if unknown and not (spell and is_said):
-        raise UnknownGlossError(unknown, lexicon.where)
-    if faults and not (spell and is_said):
-        raise faults[0]
+    texts = {word.text for word in words}
+    missing = [token for token in readings if token.warning and not token.glosses and token.token in texts]
+    if missing and not (spell and any(token.glosses for token in readings)):
+        unknown = {token.token: token.suggestions for token in missing if not re.search("^fs-|#", token.token, re.I)}
+        raise (
+            UnknownGlossError(unknown, lexicon.where)
+            if unknown
+            else InputError(f"{lexicon.where}: {missing[0].warning}")
+        )
     return readings
 
 
@@ -286,10 +267,9 @@ def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
 
 def count_words(tokens: Sequence[SentenceToken]) -> str:
     """Return how many words are signed, spelled and left out; empty if all are signed."""
-    n_words = [len(token.token.split()) for token in tokens]
-    signed = sum(n for n, token in zip(n_words, tokens, strict=True) if token.glosses and not token.spelled)
     spelled, left_out = len(list_spelled_words(tokens)), sum(not token.glosses for token in tokens)
-    counts = f"{signed} of {sum(n_words)} words signed" + f", {spelled} spelled" * bool(spelled)
+    n_words = sum(len(token.token.split()) for token in tokens)
+    counts = f"{n_words - spelled - left_out} of {n_words} words signed" + f", {spelled} spelled" * bool(spelled)
     return counts + f", {left_out} left out" * bool(left_out) if spelled or left_out else ""
 
 
@@ -352,7 +332,8 @@ def _compound(words: Sequence[TypedWord], lexicon: Lexicon, language: str) -> Se
         names = (joined, joined.replace(_APOSTROPHE, ""), _HYPHEN.join([texts[0], *kept, texts[-1]]))
         gloss = next(filter(None, map(lexicon.match, names)), None)
         if gloss is not None:
-            return _compound_token(" ".join(texts), gloss)
+            token = " ".join(texts)
+            return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
     return None
 
 
@@ -363,19 +344,12 @@ def _drop_function_word(words: Sequence[TypedWord], at: int) -> str:
 
 
 def _token(
-    word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds: bool, language: str
-) -> SentenceToken | None:
-    """Return how a word is signed, whose text ``kept`` remains; None if that is unknown."""
-    gloss, mark, _ = kept.rpartition("#")
-    if mark and gloss and kept not in lexicon:
-        forms = [gloss, *takewhile(lexicon.__contains__, (f"{gloss}#{k}" for k in count(2)))]
-        raise _UnsayableError(f"{lexicon.where}: has no {kept!r}, expected {' or '.join(forms[:5])}")
-    read = SentenceToken(word.text or word.typed, ())
-    if kept:
-        spoken = _resolve_text(kept, lexicon, spell, compounds, language)
-        if spoken is None:
-            return None
-        read = spoken
+    words: Sequence[TypedWord], at: int, lexicon: Lexicon, spell: bool, drops: bool, language: str
+) -> SentenceToken:
+    """Return how a word is signed; with a warning and without glosses if the lexicon has neither sign nor letters."""
+    word = words[at]
+    kept = word.meant or (_drop_function_word(words, at) if drops else word.text)
+    read = _resolve_text(kept, lexicon, spell, language) if kept else SentenceToken(word.text or word.typed, ())
     if kept != word.text:
         note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
         read = replace(read, token=word.text, note=note)
@@ -384,14 +358,15 @@ def _token(
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
 
 
-def _resolve_text(text: str, lexicon: Lexicon, spell: bool, compounds: bool, language: str) -> SentenceToken | None:
+def _resolve_text(text: str, lexicon: Lexicon, spell: bool, language: str) -> SentenceToken:
     if text in lexicon:
         return SentenceToken(text, (lexicon.entry(text).gloss,))
     if _mark(text):
         return _fingerspell_token(text, lexicon)
-    hyphenated = lexicon.find_hyphenated_gloss(text) if compounds else None
-    if hyphenated is not None:
-        return _compound_token(text, hyphenated)
+    first, mark, _ = text.rpartition("#")
+    if mark:
+        forms = [first, *takewhile(lexicon.__contains__, (f"{first}#{k}" for k in count(2)))]
+        return SentenceToken(text, (), warning=f"has no {text!r}, expected {' or '.join(forms[:5])}; it is left out")
     number = "".join(str(unicodedata.decimal(c)) for c in text) if text.isdecimal() else ""
     names = [text, *((f"NUMBER-{number}", f"NUM-{number}") if number else lemmas(text, language))]
     gloss = next(filter(None, map(lexicon.match, names)), None)
@@ -400,14 +375,15 @@ def _resolve_text(text: str, lexicon: Lexicon, spell: bool, compounds: bool, lan
     bare = text.replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(bare, lexicon) if spell else ()
     if not letters or () in letters:
-        return None
+        near = lexicon.nearest(text)
+        warning = f"no gloss {text!r}, and no letters for it{_hint(near)} is left out"
+        return SentenceToken(text, (), warning=warning, suggestions=near)
     if number:
         return SentenceToken(text, tuple(chain(*letters)), True)
     meant = tuple(gloss for gloss in lexicon.nearest(text, similarity=_TYPO) if _may_be_meant(gloss, bare))
-    so = f": did you mean {' or '.join(meant)}? It" if meant else ", so it"
-    so += f" is spelled{_by_other_letters(bare, letters)}"
     or_drop = ", or drop function words" * is_function_word(text, "")
-    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that{or_drop}"
+    warning = f"no gloss {text!r}{_hint(meant)} is spelled{_by_other_letters(bare, letters)}"
+    warning += f"; write {LETTER_MARK}{bare} to mean that{or_drop}"
     return SentenceToken(text, tuple(chain(*letters)), True, warning, suggestions=meant)
 
 
@@ -423,8 +399,8 @@ def _may_be_meant(gloss: str, bare: str) -> bool:
     return may_be_longer or len(meant) <= len(typed) or typed in meant.split(_HYPHEN)
 
 
-def _compound_token(token: str, gloss: str) -> SentenceToken:
-    return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
+def _hint(near: Sequence[str]) -> str:
+    return f": did you mean {' or '.join(near)}? It" if near else ", so it"
 
 
 def _mark(text: str) -> str:
@@ -438,10 +414,9 @@ def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
     letters = _letters(word, lexicon)
     if not letters or () in letters:
         letter = _characters(word)[letters.index(())] if letters else _HYPHEN
-        raise _UnsayableError(
-            f"{lexicon.where}: {token!r} cannot be spelled, there is no letter {letter!r}; "
-            f"its letters are the glosses that begin with {LETTER_MARK}"
-        )
+        letters_are = f"the lexicon's letters are the glosses that begin with {LETTER_MARK}"
+        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}, and is left out; {letters_are}"
+        return SentenceToken(token, (), warning=warning)
     spelled_as = _by_other_letters(word, letters)
     return SentenceToken(token, tuple(chain(*letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else "")
 
