@@ -13,6 +13,7 @@ from conftest import random_clip
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+import signsplice as ss
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon, open_shipped_lexicon
@@ -110,6 +111,16 @@ def test_without_dictionaries_the_endings_of_english_are_known(
 def test_words_are_read_as_glosses(typed: str, language: str, glosses: str, lexicons: dict[str, Lexicon]) -> None:
     tokens = parse(typed, lexicons[language or "fr"], language=language)
     assert " ".join(token.glosses[0] for token in tokens if not token.spelled) == glosses
+
+
+def test_written_signs_are_found_and_suggested_too(tmp_path: Path) -> None:
+    signs = Path(__file__).resolve().parents[1] / "synth" / "written_signs.sigml"
+    (tmp_path / "signs.sigml").write_text(signs.read_text("utf-8").replace('"THROW"', '"TO-THROW1^"'), "utf-8")
+    with ss.open_lexicon(fallback=tmp_path / "signs.sigml") as words:
+        tokens = parse("TO-THROW1 throws throw to throw I throow", words)
+        assert [token.glosses[0] for token in tokens[:-1]] == [*["TO-THROW1^"] * 4, "I"]
+        assert tokens[-1].suggestions == ("TO-THROW1^",)
+        assert "TO-THROW1^" not in words.glosses, "written signs are not listed"
 
 
 def test_an_own_spelling_wins_and_numbers_have_signs(tmp_path: Path) -> None:

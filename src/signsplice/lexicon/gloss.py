@@ -135,6 +135,7 @@ class Suggestions:
     def __init__(self, names: Iterable[str]) -> None:
         self._all = list(names)
         self._signs = [name for name in self._all if not name.startswith(LETTER_MARK)]
+        self._bare = [name.rstrip(_MARKS).removeprefix("to-") for name in self._signs]
         self._with_part: dict[str, list[str]] = defaultdict(list)
         for name in self._all:
             if "-" in name:
@@ -149,7 +150,8 @@ class Suggestions:
         spells = word.startswith(LETTER_MARK)
         parts = self._with_part.get(word.replace("'", ""), ())
         part_matches = [name for name in parts if spells or not name.startswith(LETTER_MARK)]
-        names, scorer = self._all if spells else self._signs, Indel.normalized_similarity
-        similar = extract(word, names, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
+        names, bare = (self._all, self._all) if spells else (self._signs, self._bare)
+        scorer = Indel.normalized_similarity
+        similar = extract(word, bare, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
         similar.sort(key=lambda match: (-match[1], OSA.distance(word, match[0])))
-        return list(dict.fromkeys([*part_matches, *(name for name, _, _ in similar)]))[:n]
+        return list(dict.fromkeys([*part_matches, *(names[k] for _, _, k in similar)]))[:n]

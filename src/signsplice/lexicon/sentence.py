@@ -174,6 +174,8 @@ SPELLED_MARKS = (LETTER_MARK, "#")
 QUESTION_WORDS = ("WHO", "WHAT", "WHERE", "WHEN", "WHY", "HOW", "WHICH")
 _HYPHEN = "-"
 _APOSTROPHE = "'"
+_LEFT_OUT = "; it is left out"
+"""The end of warnings about letters and numbered glosses that the lexicon lacks."""
 _TYPO = 0.75
 """Minimum similarity (``Lexicon.nearest``) of glosses suggested for a word that can be spelled."""
 _SHORT = 3
@@ -214,15 +216,14 @@ def parse(
 ) -> list[SentenceToken]:
     """Split a line of glosses into tokens at white space and punctuation, and find how each is signed.
 
-    A token that the lexicon has, in any case, is that word; else one whose gloss differs only in accents, marks and
-    variant (``Lexicon.match``), or one that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
+    A token that the lexicon has, in any case, is that word; else a gloss that differs only in accents, marks, variant or
+    hyphens (``Lexicon.match``), or that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
     note. With ``compounds`` the longest run of words that is one gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU),
-    unless punctuation separates them; so does a word written without the gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are
-    fingerspelled; hyphens between letters are ignored. A hyphenated token whose parts are all glosses becomes those
-    glosses. A number is NUMBER-12, or its digits. Any other token is fingerspelled if the lexicon has all its letters,
-    else left out, with a warning and ``suggestions``. Emoji and other symbols are left out with a warning. With
-    ``drop_function_words`` English words without a sign in ASL are left out with a note, unless they are part of a
-    compound.
+    unless punctuation separates them. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored.
+    A hyphenated token whose parts are all glosses becomes those glosses. A number is NUMBER-12, or its digits. Any other
+    token is fingerspelled if the lexicon has all its letters, else left out, with a warning and ``suggestions``. Emoji
+    and other symbols are left out with a warning. With ``drop_function_words`` English words without a sign in ASL are
+    left out with a note, unless they are part of a compound.
 
     Raises ``InputError`` if nothing of the line can be said: ``UnknownGlossError``, which names every unknown token and
     similar glosses, if one was typed. Without ``spell`` it raises for the first faults instead of spelling and leaving
@@ -243,12 +244,9 @@ def parse(
     texts = {word.text for word in words}
     missing = [token for token in readings if token.warning and not token.glosses and token.token in texts]
     if missing and not (spell and any(token.glosses for token in readings)):
-        unknown = {token.token: token.suggestions for token in missing if not re.search("^fs-|#", token.token, re.I)}
-        raise (
-            UnknownGlossError(unknown, lexicon.where)
-            if unknown
-            else InputError(f"{lexicon.where}: {missing[0].warning}")
-        )
+        unknown = {token.token: token.suggestions for token in missing if _LEFT_OUT not in token.warning}
+        fault = InputError(f"{lexicon.where}: {missing[0].warning.partition(_LEFT_OUT)[0]}")
+        raise UnknownGlossError(unknown, lexicon.where) if unknown else fault
     return readings
 
 
@@ -366,7 +364,7 @@ def _resolve_text(text: str, lexicon: Lexicon, spell: bool, language: str) -> Se
     first, mark, _ = text.rpartition("#")
     if mark:
         forms = [first, *takewhile(lexicon.__contains__, (f"{first}#{k}" for k in count(2)))]
-        return SentenceToken(text, (), warning=f"has no {text!r}, expected {' or '.join(forms[:5])}; it is left out")
+        return SentenceToken(text, (), warning=f"has no {text!r}, expected {' or '.join(forms[:5])}{_LEFT_OUT}")
     number = "".join(str(unicodedata.decimal(c)) for c in text) if text.isdecimal() else ""
     names = [text, *((f"NUMBER-{number}", f"NUM-{number}") if number else lemmas(text, language))]
     gloss = next(filter(None, map(lexicon.match, names)), None)
@@ -414,9 +412,8 @@ def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
     letters = _letters(word, lexicon)
     if not letters or () in letters:
         letter = _characters(word)[letters.index(())] if letters else _HYPHEN
-        letters_are = f"the lexicon's letters are the glosses that begin with {LETTER_MARK}"
-        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}, and is left out; {letters_are}"
-        return SentenceToken(token, (), warning=warning)
+        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}; its letters are the glosses that begin "
+        return SentenceToken(token, (), warning=f"{warning}with {LETTER_MARK}{_LEFT_OUT}")
     spelled_as = _by_other_letters(word, letters)
     return SentenceToken(token, tuple(chain(*letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else "")
 
