@@ -216,14 +216,14 @@ def parse(
 ) -> list[SentenceToken]:
     """Split a line of glosses into tokens at white space and punctuation, and find how each is signed.
 
-    A token that the lexicon has, in any case, is that word; else a gloss that differs only in accents, marks, variant or
-    hyphens (``Lexicon.match``), or that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
+    A token that the lexicon has, in any case, is that word; else a gloss that differs only in accents, marks, variant
+    or hyphens (``Lexicon.match``), or that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
     note. With ``compounds`` the longest run of words that is one gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU),
     unless punctuation separates them. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored.
-    A hyphenated token whose parts are all glosses becomes those glosses. A number is NUMBER-12, or its digits. Any other
-    token is fingerspelled if the lexicon has all its letters, else left out, with a warning and ``suggestions``. Emoji
-    and other symbols are left out with a warning. With ``drop_function_words`` English words without a sign in ASL are
-    left out with a note, unless they are part of a compound.
+    A hyphenated token whose parts are all glosses becomes those glosses. A number is NUMBER-12, or its digits. Any
+    other token is fingerspelled if the lexicon has all its letters, else left out, with a warning and ``suggestions``.
+    Emoji and other symbols are left out with a warning. With ``drop_function_words`` English words without a sign in
+    ASL are left out with a note, unless they are part of a compound.
 
     Raises ``InputError`` if nothing of the line can be said: ``UnknownGlossError``, which names every unknown token and
     similar glosses, if one was typed. Without ``spell`` it raises for the first faults instead of spelling and leaving
