@@ -21,7 +21,7 @@ TOOLS = ("dev", "fuzz")
 LICENCES = {
     "Apache-2.0": ("dracopy", "prometheus-client", "pyarrow", "python-multipart", "ray"),
     "BSD-3-Clause": ("click", "numpy", "protobuf", "scipy", "uvicorn", "websockets"),
-    "MIT": ("fastapi", "meshopt", "moderngl", "onnxruntime", "pygltflib", "rapidfuzz", "rich"),
+    "MIT": ("fastapi", "meshopt", "moderngl", "onnxruntime", "pygltflib", "rapidfuzz", "rich", "simplemma"),
     "MIT-CMU": ("pillow",),
 }
 """Licence -> packages that a wheel asks for, as docs/dependencies.md has them."""

@@ -224,7 +224,13 @@ def test_rooms_need_only_declared_dependencies() -> None:
     assert dependencies("workshop") == {"signsplice"}
     assert dependencies("research") == {"signsplice", "signsplice-workshop", "matplotlib", "pillow"}
     names |= {"google"}  # protobuf's module
-    optional = {"PIL", "imageio_ffmpeg", "matplotlib", "pybvh"}  # imported inside functions, for those who have them
+    optional = {
+        "PIL",
+        "imageio_ffmpeg",
+        "matplotlib",
+        "pybvh",
+        "simplemma",
+    }  # imported inside functions, for those who have them
     training = dependencies("workshop", "train")
     serving = {"fastapi", "starlette", "uvicorn", "pydantic", "prometheus_client", "python_multipart"}
     loading = {"httpx", "psutil", "websockets"}  # what calls the service to measure it

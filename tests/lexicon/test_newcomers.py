@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from signsplice.errors import InputError
 from signsplice.lexicon import open_shipped_lexicon
-from signsplice.lexicon.sentence import SentenceToken, list_spelled_words, parse, without_copula
+from signsplice.lexicon.lemmas import without_copula
+from signsplice.lexicon.sentence import SentenceToken, list_spelled_words, parse
 
 TABLE = Path(__file__).with_name("newcomers.csv")
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "lexicon.md"

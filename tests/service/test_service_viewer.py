@@ -66,7 +66,7 @@ def test_a_typed_sentence_is_completed_and_plays(seen: dict[str, Any]) -> None:
     assert seen["letter"] == ["A"]
 
 
-def test_an_unknown_gloss_is_reported_and_the_scene_stays(seen: dict[str, Any]) -> None:
+def test_a_line_without_a_sign_is_reported_and_the_scene_stays(seen: dict[str, Any]) -> None:
     assert "你好" in seen["unknown"]
     assert seen["keptSigns"] == seen["typedSigns"]
     assert all("422" in line for line in seen["expectedFaults"])

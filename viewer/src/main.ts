@@ -13,7 +13,7 @@ import { alert, messageOf, status } from './messages.js';
 import * as panel from './panel.js';
 import type { Person } from './person.js';
 import type { Player } from './player.js';
-import { caption, plain, reachWarnings, seams, spelled, titleOf } from './scene.js';
+import { caption, leftOut, plain, reachWarnings, seams, spelled, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
 import { own } from './service.js';
 import type { Show } from './show.js';
@@ -69,9 +69,11 @@ class App {
     const { frames, fps } = scene.report;
     const { avatar } = this.loader;
     const words = spelled(scene).join(', ');
+    const without = leftOut(scene).join(', ');
     const name = titleOf(scene);
     status(
       (words && translate('spelled', { words })) +
+        (without && translate('leftOut', { words: without })) +
         translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }) +
         (people[0]?.fitted?.isMoved && avatar ? translate('fitted', { avatar: avatar.name }) : ''),
     );

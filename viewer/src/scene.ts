@@ -55,6 +55,11 @@ export function words(scene: Spliced): Word[] {
   return found.map(({ gloss, start, end }) => ({ gloss, start, end }));
 }
 
+/** The words that are left out because nothing signs or spells them. */
+export function leftOut({ units }: Spliced): string[] {
+  return units.filter(({ glosses, warning }) => warning && !glosses.length).map(({ token }) => token);
+}
+
 /** The words that are spelled though they were not typed to be, as they were typed. */
 export function spelled({ units }: Spliced): string[] {
   return units.filter((one) => one.spelled && !/^fs-/i.test(one.token)).map(({ token }) => token);

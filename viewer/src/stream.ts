@@ -160,6 +160,7 @@ export class SentenceStream {
       report.spans.push(said.span);
       if (said.span.kind === 'sign') this.seen++;
     } else if (said.type === 'unit') {
+      if (said.unit.warning && !said.unit.glosses.length) this.errors.push(said.unit.warning);
       this.scene.units.push(said.unit);
       this.known += said.unit.glosses.length;
       this.readAt = performance.now();

@@ -105,6 +105,7 @@ export interface SentenceRequest {
   spell?: boolean;
   compounds?: boolean;
   drop_function_words?: boolean;
+  language?: string;
   pauses?: boolean;
   face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
@@ -231,6 +232,7 @@ export interface OpenMessage {
   spell?: boolean;
   compounds?: boolean;
   drop_function_words?: boolean;
+  language?: string;
   pauses?: boolean;
   face_rules?: boolean;
 }

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-EXTRAS = ("bulk", "compressed", "serve", "video")
+EXTRAS = ("bulk", "compressed", "serve", "video", "words")
 """Extras of users; ``dev`` and ``fuzz`` are locked."""
 PYTHON = "3.11"
 """The oldest Python; later ones have no wheels of the oldest packages."""

@@ -73,11 +73,15 @@ def dial(name: str, value: float) -> Any:
 
 
 def lines(
-    path: str | Path, lexicon: Lexicon, dials: Mapping[str, Any] | None = None, drop_function_words: bool = False
+    path: str | Path,
+    lexicon: Lexicon,
+    dials: Mapping[str, Any] | None = None,
+    drop_function_words: bool = False,
+    language: str = "en",
 ) -> tuple[list[pa.RecordBatch], list[str]]:
     """Read a recipe from each line of glosses of a text file that is not blank, as ``sentence`` does. Returns warnings
-    for lines with unknown words that are not spelled, which become failing rows, and for words that may be typing
-    errors.
+    for lines of which nothing can be signed, or unknown words are not to be spelled, which become failing rows, and for
+    words that are spelled or left out.
 
     Raises ``InputError`` for a line without glosses, and for a file that is not UTF-8 or has no line.
     """
@@ -91,7 +95,7 @@ def lines(
             continue
         try:
             spell = bool((dials or {}).get("spell", True))
-            units = parse(line, lexicon, spell, drop_function_words=drop_function_words)
+            units = parse(line, lexicon, spell, drop_function_words=drop_function_words, language=language)
             tokens = tuple(_tokens(units))
             warnings += [f"{path}:{number}: {unit.warning[:_LONGEST]}" for unit in units if unit.warning]
         except UnknownGlossError as error:
@@ -110,8 +114,9 @@ def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
     glosses = iter(line_glosses(units))
     for unit in filter(lambda unit: unit.glosses, units):
         *_, last = islice(glosses, len(unit.glosses))
-        letters = "".join(gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses)
-        yield (LETTER_MARK + letters if unit.spelled else unit.glosses[0]) + (last.pause or "")
+        letters = [gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses if gloss.startswith(LETTER_MARK)]
+        *before, final = [LETTER_MARK + "".join(letters)] if unit.spelled and letters else unit.glosses
+        yield from (*before, final + (last.pause or ""))
 
 
 def pairs(

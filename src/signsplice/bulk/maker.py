@@ -151,7 +151,7 @@ class SentenceMaker:
             if gloss in self.words:
                 tokens.append(SentenceToken(gloss, (self.words.entry(gloss).gloss,)))
             else:
-                tokens += parse(gloss, self.words, spell=recipe.spell, compounds=False)
+                tokens += parse(gloss, self.words, spell=recipe.spell, compounds=False, language="")
         return tokens
 
     def _clip(self, gloss: str, signer: str) -> Clip:

@@ -12,7 +12,7 @@ import click
 
 from signsplice.cli.clips import check_apart, check_output, check_outputs
 from signsplice.cli.lexicon import open_words
-from signsplice.cli.options import BUNDLE, DROP_FUNCTION_WORDS, LEXICONS, SEEDS, combine_options, option, preset
+from signsplice.cli.options import BUNDLE, LEXICONS, READING, SEEDS, combine_options, option, preset
 from signsplice.cli.terminal import open_console, require, size, warn
 from signsplice.errors import InputError
 
@@ -49,7 +49,7 @@ def _off(dial: str, text: str) -> Callable[[Any], Any]:
 dial_options = combine_options(
     *(click.option(name, metavar=form, help=_AS_THERE) for name, form in _DIALS.items()),
     option("--avoid-collisions/--no-avoid-collisions", None, _AS_THERE, default=None),
-    _off("spell", "Rows with words that the lexicon lacks fail; none is spelled."),
+    _off("spell", "Rows with words that the lexicon lacks fail; none is spelled or left out."),
     _off("pauses", "Hold no sign at punctuation."),
     option("--face-rules/--no-face-rules", None, f"{_AS_THERE}  [default: no]", default=None),
 )
@@ -113,7 +113,7 @@ def _check_signers(words: Lexicon, signers: Iterable[str]) -> None:
 @option("--words", "A:B", "Words of a sentence, least and most.  [default: 3:10]")
 @option("--signer signers", "NAME", "Who signs; given again, each recipe draws one.", multiple=True)
 @_SEED
-@DROP_FUNCTION_WORDS
+@READING
 @dial_options
 def recipes(
     lines: str | None,
@@ -124,6 +124,7 @@ def recipes(
     signers: tuple[str, ...],
     seed: int,
     drop_function_words: bool,
+    language: str,
     **dials: Any,
 ) -> None:
     """Write recipes: drawn from the signs of a lexicon, or one for each line of glosses in LINES.txt.
@@ -146,7 +147,7 @@ def recipes(
                     f"{lines}: lines are taken as they are, expected no --count, --words, range or second --signer"
                 )
             chosen = fixed | {"seed": seed} | ({"signer": signers[0]} if signers else {})
-            batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words)
+            batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words, language)
             warn(warnings)
             recipe_batches: Iterable[pa.RecordBatch] = batches
         else:

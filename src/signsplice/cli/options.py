@@ -55,9 +55,12 @@ LEXICONS = option(
     "Lexicon of the words; given again, the first that has a word counts. None, or `default`: the words that ship.",
     multiple=True,
 )
-DROP_FUNCTION_WORDS = flag(
-    "--drop-function-words",
-    "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
+READING = combine_options(
+    flag(
+        "--drop-function-words",
+        "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
+    ),
+    preset("--language", "en", "CODE", 'Language of the words, for inflections and numbers: en, de, fr; "" for none.'),
 )
 SEEDS = click.IntRange(0, 2**63 - 1)
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=SEEDS)

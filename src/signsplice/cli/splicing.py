@@ -36,8 +36,8 @@ from signsplice.cli.lexicon import open_words
 from signsplice.cli.options import (
     AS_JSON,
     BUNDLE,
-    DROP_FUNCTION_WORDS,
     LEXICONS,
+    READING,
     SEEDS,
     combine_options,
     flag,
@@ -146,9 +146,11 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
 @option(
     "--fallback", "FILE", "Written signs (SiGML, HamNoSys) for words that the lexicon lacks, before they are spelled."
 )
-@flag("--no-spell", "Refuse words that are not in the lexicon instead of spelling them.")
+@flag(
+    "--no-spell", "Refuse a line with words that are not in the lexicon instead of spelling them or leaving them out."
+)
 @flag("--no-compounds", "Read I LOVE YOU as three words where the lexicon has I-LOVE-YOU.")
-@DROP_FUNCTION_WORDS
+@READING
 @flag("--no-pauses", "Hold no sign at punctuation.")
 @option(
     "--face-rules/--no-face-rules",
@@ -171,6 +173,7 @@ def sentence(
     no_spell: bool,
     no_compounds: bool,
     drop_function_words: bool,
+    language: str,
     no_pauses: bool,
     face_rules: bool | None,
     mouthing: str | None,
@@ -179,7 +182,7 @@ def sentence(
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
     from signsplice.formats.roles import with_roles
-    from signsplice.lexicon.sentence import list_spelled_words, parse, token_glosses
+    from signsplice.lexicon.sentence import count_words, list_spelled_words, parse, token_glosses
     from signsplice.splicing import engine
     from signsplice.splicing.faces import RULES
     from signsplice.splicing.word import words_of
@@ -191,7 +194,7 @@ def sentence(
     with open_words(*lexicons, fallback=fallback) as words:
         for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
-        units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words)
+        units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words, language)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(token_glosses(units))}
         owns = {gloss: words.owns(gloss) for gloss in clips}
     if (roles := read_as().roles) is not None:
@@ -203,7 +206,7 @@ def sentence(
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses, owns.get), options)
     _note_rates(clips.values(), result, options)
     report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
-    target.deliver(result, load_ms, report_keys)
+    target.deliver(result, load_ms, report_keys, count_words(units))
 
 
 def _begin(
@@ -287,8 +290,10 @@ class _Target:
     view: str
     size: tuple[int, int] | None
 
-    def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}) -> None:
-        """Write the clip and the report with the keys ``more``, and print the warnings and a line about the clip."""
+    def deliver(self, result: SpliceResult, load_ms: float, more: Mapping[str, Any] = {}, count: str = "") -> None:
+        """Write the clip and the report with the keys ``more``, and print warnings and a line about the clip, with a
+        ``count`` of words.
+        """
         from signsplice.motion import copy_unchecked
         from signsplice.splicing import report as reports
 
@@ -311,7 +316,7 @@ class _Target:
         summary = f"{self.output}: {len(result.clip)} frames, {result.clip.seconds:.2f} s, {n} seam{'s' * (n != 1)}"
         if tempo.asked_seconds is not None and tempo.seconds is not None:
             summary += f", {tempo.seconds:.2f} s a sign (asked: {tempo.asked_seconds:g})"
-        print(summary)
+        print(summary + f"; {count}" * bool(count))
 
 
 @click.command()

@@ -5,6 +5,7 @@ This module opens no file and loads no database, so that a splice can use it to 
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Iterable
@@ -93,30 +94,64 @@ def fold(text: str) -> str:
     return unicodedata.normalize("NFC", "-".join(text.split())).casefold()
 
 
+_LETTERS = str.maketrans(
+    {"ł": "l", "ø": "o", "đ": "d", "ħ": "h", "ŧ": "t", "ı": "i", "æ": "ae", "œ": "oe", "þ": "th", "ð": "d"}
+)
+"""Letters that Unicode does not decompose -> plain letters."""
+_ACCENT = 200
+"""Combining classes from this on are accents; those below are parts of letters, as in Devanagari and kana."""
+_MARKS = "^*?~!+"
+"""Marks of corpora after a gloss: TO-TELL1^ is close to the meaning of TO-TELL1."""
+_VARIANT = re.compile(rf"[-_]?\d[-_\d]*[a-z]?[{re.escape(_MARKS)}]*$")
+"""The suffix of a variant, folded: TREE-2, GEBEN1A, AMSTEL-B_241220_1."""
+
+
+def plain(text: str) -> str:
+    """Return the lookup key of a gloss without accents and typographic forms: écrire is ecrire, Gruß is gruss."""
+    folded = fold(text)
+    if folded.isascii():
+        return folded
+    decomposed = unicodedata.normalize("NFKD", folded.translate(_LETTERS))
+    return "".join(c for c in decomposed if unicodedata.combining(c) < _ACCENT).casefold()
+
+
+def readings(name: str) -> tuple[str, ...]:
+    """Return the keys by which a name of a lexicon is found, best first: in plain letters, without marks, without the
+    suffix of a variant, without *to* before an English verb, without hyphens.
+    """
+    key = plain(name)
+    if key.startswith((LETTER_MARK, "num")):
+        return (key,) * 5
+    word = _VARIANT.sub("", key).rstrip(_MARKS) or key
+    return key, key.rstrip(_MARKS), word, word.removeprefix("to-") or word, word.replace("-", "")
+
+
 class Suggestions:
     """Finds the names in a lexicon that are most similar to a word that it lacks.
 
-    names: all glosses and synonyms, folded; equally similar ones keep this order.
+    names: all glosses and synonyms, in plain letters; equally similar ones keep this order.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
         self._all = list(names)
         self._signs = [name for name in self._all if not name.startswith(LETTER_MARK)]
+        self._bare = [name.rstrip(_MARKS).removeprefix("to-") for name in self._signs]
         self._with_part: dict[str, list[str]] = defaultdict(list)
         for name in self._all:
             if "-" in name:
-                for part in dict.fromkeys(name.split("-")):
+                for part in dict.fromkeys((*name.split("-"), *readings(name)[2].split("-"))):
                     self._with_part[part].append(name)
 
     def nearest(self, word: str, n: int, similarity: float) -> list[str]:
-        """Return up to ``n`` names most similar to a folded word, as described for ``Lexicon.nearest``."""
+        """Return up to ``n`` names most similar to a word in plain letters, as described for ``Lexicon.nearest``."""
         from rapidfuzz.distance import OSA, Indel  # takes 30 ms, needed only for unknown words
         from rapidfuzz.process import extract
 
         spells = word.startswith(LETTER_MARK)
         parts = self._with_part.get(word.replace("'", ""), ())
         part_matches = [name for name in parts if spells or not name.startswith(LETTER_MARK)]
-        names, scorer = self._all if spells else self._signs, Indel.normalized_similarity
-        similar = extract(word, names, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
+        names, bare = (self._all, self._all) if spells else (self._signs, self._bare)
+        scorer = Indel.normalized_similarity
+        similar = extract(word, bare, scorer=scorer, score_cutoff=similarity, limit=_TIES * n)
         similar.sort(key=lambda match: (-match[1], OSA.distance(word, match[0])))
-        return list(dict.fromkeys([*part_matches, *(name for name, _, _ in similar)]))[:n]
+        return list(dict.fromkeys([*part_matches, *(names[k] for _, _, k in similar)]))[:n]

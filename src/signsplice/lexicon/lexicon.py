@@ -10,12 +10,13 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from functools import cached_property, lru_cache
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.gloss import LETTER_MARK, Entry, Suggestions, fold, gloss_of
+from signsplice.lexicon.gloss import Entry, Suggestions, fold, gloss_of, plain, readings
 from signsplice.lexicon.store import BUILD_HINT, OWNS, REBUILD, SourceWord, StoredWords, owns_extension
 from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
@@ -159,6 +160,13 @@ class Lexicon:
                 return self.find(word.gloss) if is_hidden else word
         return None
 
+    def match(self, text: str) -> str | None:
+        """Return the gloss that a text stands for, also without accents, marks, variant (tell: TO-TELL1^) and hyphens
+        (thankyou); None if there is none. Finds no forms of signs.
+        """
+        shown = text if self.lists(text) else self._by_reading.get(plain(text))
+        return None if shown is None else self._word(shown).gloss
+
     def entry(self, gloss: str) -> Entry:
         """Return the entry for a gloss or synonym. Raises ``UnknownGlossError``, which names similar glosses."""
         return self._word(gloss).entry()
@@ -194,12 +202,7 @@ class Lexicon:
         The similarity of two words is twice the length of their longest common subsequence, divided by the sum of
         their lengths. Ties are ordered by edit distance, in which a swap of two neighbours is one edit.
         """
-        return tuple(self._display_names[name] for name in self._suggestions.nearest(fold(gloss), n, similarity))
-
-    def find_hyphenated_gloss(self, word: str) -> str | None:
-        """Return the gloss that equals ``word`` without its hyphens (THANKYOU: THANK-YOU), or None."""
-        shown = self._without_hyphens.get(fold(word))
-        return None if shown is None else self.entry(shown).gloss
+        return tuple(self._display_names[name] for name in self._suggestions.nearest(plain(gloss), n, similarity))
 
     def faults(self, progress: Progress | None = None) -> Iterator[str]:
         """Yield faults of the words, one line each: checks bytes, hashes and names against the index. Reads all."""
@@ -236,19 +239,23 @@ class Lexicon:
 
     @cached_property
     def _display_names(self) -> dict[str, str]:
-        return {folded: shown for folded, shown, _ in self.names()}
+        """Every name that typed words are compared with, by its plain letters; that of the first source counts."""
+        names = [
+            source.glosses if isinstance(source, WrittenWords) else [shown for _, shown, _ in source.names()]
+            for source in self.sources
+        ]
+        found = {plain(name): name for name in reversed([*chain(*names)])}
+        return dict(reversed(found.items()))
+
+    @cached_property
+    def _by_reading(self) -> dict[str, str]:
+        """The same names by their ``readings``; the first of the best counts."""
+        rows = [[(key, name) for key in readings(name)] for name in self._display_names.values()]
+        return dict(reversed([*chain(*zip(*rows, strict=True))]))
 
     @cached_property
     def _suggestions(self) -> Suggestions:
         return Suggestions(self._display_names)
-
-    @cached_property
-    def _without_hyphens(self) -> dict[str, str]:
-        return {
-            folded.replace("-", ""): shown
-            for folded, shown in self._display_names.items()
-            if "-" in folded and not folded.startswith(LETTER_MARK)
-        }
 
 
 SignT = TypeVar("SignT", bound="Sign | WrittenSign")
@@ -344,13 +351,17 @@ class FormsOfSigns(SignedWords["Sign"]):
 
 
 class WrittenWords(SignedWords["WrittenSign"]):
-    """The signs of a file or folder of written signs (SiGML, HamNoSys)."""
+    """The signs of a file or folder of written signs (SiGML, HamNoSys).
+
+    glosses: of all signs.
+    """
 
     def __init__(self, path: str | Path) -> None:
         from signsplice.written import files
 
         super().__init__(Path(path))
         self._signs = {fold(gloss_of(gloss)): sign for gloss, sign in files.read(path).signs.items()}
+        self.glosses = [gloss_of(sign.gloss) for sign in self._signs.values()]
 
     def __reduce__(self) -> tuple[type[WrittenWords], tuple[Path]]:
         return type(self), (self.path,)

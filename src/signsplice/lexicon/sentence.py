@@ -1,8 +1,8 @@
 """Parses a typed line of glosses into the words and letters that sign it.
 
 Glosses are labels in the order of signing; a line of glosses is not a translation of a spoken sentence. A note reports
-a word that is read differently from the typed text, a warning a word that is spelled because it is no gloss; no word is
-replaced by a merely similar one.
+a word that is read differently from the typed text, a warning a word that is spelled or left out because it is none; no
+word is replaced by a merely similar one. What cannot be said is left out and never silences the rest of the line.
 
 English words that American Sign Language has no signs for may be left out. ASL has no state-of-being verbs
 (https://www.lifeprint.com/asl101/pages-signs/a/am.htm), and no articles as English has them: traditionally it is said
@@ -16,10 +16,11 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import count, takewhile
+from itertools import chain, count, takewhile
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.gloss import LETTER_MARK, fold, letter_gloss
+from signsplice.lexicon.gloss import LETTER_MARK, fold, letter_gloss, plain
+from signsplice.lexicon.lemmas import lemmas, without_copula
 from signsplice.lexicon.lexicon import Lexicon
 
 PAUSES = ".?!,"
@@ -31,6 +32,11 @@ _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]
 and hyphens between them, or points and commas between digits."""
 _NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
 """GLOSS#2, its gloss, and punctuation."""
+_ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th|er?|[eè]me|[sd]e|os?|η)", re.IGNORECASE)
+_SYMBOLS = {"$": "dollar", "€": "euro", "£": "pound", "¥": "yen", "%": "percent"}
+"""Symbols beside numbers, and the words that they are read as."""
+_POINTS = {"en": "point", "de": "Komma", "nl": "komma", "fr": "virgule", "el": "κόμμα"}
+"""Language -> the word for the mark between a number and its decimals."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,7 @@ class TypedWord:
     ends_phrase: whether punctuation other than ``/`` follows it, so that it makes no compound with the next word.
     note: how its reading differs from the typed text, or empty.
     pause: the mark after it at which signing pauses, one of ``PAUSES``, or empty.
+    meant: the word to look up in its place, for symbols and ordinals; empty for the text.
     """
 
     text: str
@@ -51,13 +58,15 @@ class TypedWord:
     ends_phrase: bool = False
     note: str = ""
     pause: str = ""
+    meant: str = ""
 
 
-def split_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
+def split_words(text: str, is_known: Callable[[str], bool], language: str = "en") -> list[TypedWord]:
     """Split a line into words at white space and punctuation; tokens that are known as typed stay whole.
 
-    Keeps apostrophes, hyphens (``_`` counts as one), the point of a number and a ``#`` before a word; removes the
-    points of an acronym and the commas of a number. Replaces full-width and other compatibility forms by plain ones.
+    Keeps apostrophes, hyphens (``_`` counts as one) and a ``#`` before a word; removes the points of an acronym and the
+    marks between the thousands of a number; the mark before its decimals is a word of its own, and so are signs of
+    money and per cent. Replaces full-width and other compatibility forms by plain ones.
     """
     typed_words: list[TypedWord] = []
     for token in text.split():
@@ -68,7 +77,7 @@ def split_words(text: str, is_known: Callable[[str], bool]) -> list[TypedWord]:
         if numbered and is_known(numbered[2]):
             typed_words.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
-        words, before = _words(token)
+        words, before = _words(token, language)
         if typed_words and (before or not words):  # punctuation that stands alone, or before a word
             typed_words[-1] = replace(typed_words[-1], ends_phrase=True, pause=_pause(typed_words[-1].pause + before))
         typed_words += words
@@ -84,7 +93,7 @@ def _pause(marks: str) -> str:
     return min((mark for mark in marks.translate(_LIKE) if mark in PAUSES), key=PAUSES.index, default="")
 
 
-def _words(token: str) -> tuple[list[TypedWord], str]:
+def _words(token: str, language: str) -> tuple[list[TypedWord], str]:
     """Return the words of a token and the pause mark before them, or in a token without words. A token of symbols only
     gives one word without text, a token of punctuation only gives none.
     """
@@ -94,22 +103,40 @@ def _words(token: str) -> tuple[list[TypedWord], str]:
     matches = list(_WORD.finditer(classes))
     ends, starts = [0, *(match.end() for match in matches)], [*(match.start() for match in matches), len(plain)]
     between = [slice(*gap) for gap in zip(ends, starts, strict=True)]  # one more than words
-    left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#")
-    before = _pause(plain[between[0]])
+    left_out = "".join(c for gap in between for c in plain[gap] if _class(c) in "s#" and c not in _SYMBOLS)
+    before, symbols = _pause(plain[between[0]]), _symbols(plain[between[0]], token)
     if not matches:
-        return ([TypedWord("", token, left_out, pause=before)], "") if left_out else ([], before)
+        words = [TypedWord("", token, left_out)] * bool(left_out) + symbols
+        return ([*words[:-1], replace(words[-1], pause=before)], "") if words else ([], before)
     words = []
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
-        text = plain[match.start() : match.end()].replace(",", "")
+        text = plain[match.start() : match.end()]
         if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a prefix without a word
             words.append(TypedWord("", token, f"{text}-"))
             continue
-        text = text if "d." in match[0] else text.replace(".", "")
-        ends_phrase = not set("p.,").isdisjoint(classes[gap])
         is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
-        pause = "" if is_between else _pause(plain[gap])
-        words.append(TypedWord(text, token, "" if k else left_out, ends_phrase, pause=pause))
+        parts = [*_number_parts(text, token, language), *symbols, *_symbols(plain[gap], token)]
+        parts[0], symbols = replace(parts[0], left_out="" if k else left_out), []
+        ends_phrase, pause = not set("p.,").isdisjoint(classes[gap]), "" if is_between else _pause(plain[gap])
+        words += [*parts[:-1], replace(parts[-1], ends_phrase=ends_phrase, pause=pause)]
     return words, before
+
+
+def _symbols(text: str, typed: str) -> list[TypedWord]:
+    """Return the signs of money and per cent in a text."""
+    return [TypedWord(c, typed, meant=_SYMBOLS[c]) for c in text if c in _SYMBOLS]
+
+
+def _number_parts(text: str, typed: str, language: str) -> list[TypedWord]:
+    """Return a number without marks between thousands, and its mark and decimals; or an ordinal, or another word."""
+    mark = "," if language == "en" else "[.]"
+    thousands = rf"\b[1-9]\d{{0,2}}(?:(?:{mark}\d{{3}})+|(?:,\d{{3}}){{2,}}|(?:[.]\d{{3}}){{2,}})(?!\d)"
+    number = re.sub(thousands, lambda match: re.sub("[.,]", "", match[0]), text)
+    if not re.search(r"\d[.,]", number):
+        ordinal = _ORDINAL.fullmatch(number)
+        return [TypedWord(number.replace(".", ""), typed, meant=ordinal[1] if ordinal else "")]
+    parts = [part for part in re.split("([.,])", number) if part]
+    return [TypedWord(part, typed, meant=_POINTS.get(language, "") if part in ".," else "") for part in parts]
 
 
 def _class(character: str) -> str:
@@ -132,10 +159,6 @@ _ARTICLES = frozenset(("a", "an", "the"))
 _COPULAS = frozenset(("am", "is", "are", "was", "were", "be", "been", "being"))
 _AUXILIARIES = frozenset(("do", "does", "did"))
 _SUBJECTS = frozenset(("i", "you", "he", "she", "it", "we", "they"))
-_CONTRACTION = re.compile(
-    r"(i(?='?m$)|(?:you|they)(?='?re$)|we(?='re$)|(?:he|she|it|that|what|where|when|who|how)(?='s$))'?(?:m|re|s)",
-    re.IGNORECASE,
-)
 
 
 def is_function_word(word: str, after: str) -> bool:
@@ -146,17 +169,13 @@ def is_function_word(word: str, after: str) -> bool:
     return folded in _ARTICLES | _COPULAS or (folded in _AUXILIARIES and after.casefold() in _SUBJECTS)
 
 
-def without_copula(word: str) -> str:
-    """Return the first part of a contraction with *am*, *are* or *is* (I'm, youre, what's); empty for other words."""
-    match = _CONTRACTION.fullmatch(word)
-    return match[1] if match else ""
-
-
 SPELLED_MARKS = (LETTER_MARK, "#")
 """Prefixes of tokens to fingerspell."""
 QUESTION_WORDS = ("WHO", "WHAT", "WHERE", "WHEN", "WHY", "HOW", "WHICH")
 _HYPHEN = "-"
 _APOSTROPHE = "'"
+_LEFT_OUT = "; it is left out"
+"""The end of warnings about letters and numbered glosses that the lexicon lacks."""
 _TYPO = 0.75
 """Minimum similarity (``Lexicon.nearest``) of glosses suggested for a word that can be spelled."""
 _SHORT = 3
@@ -188,48 +207,46 @@ class SentenceToken:
 
 
 def parse(
-    text: str, lexicon: Lexicon, spell: bool = True, compounds: bool = True, drop_function_words: bool = False
+    text: str,
+    lexicon: Lexicon,
+    spell: bool = True,
+    compounds: bool = True,
+    drop_function_words: bool = False,
+    language: str = "en",
 ) -> list[SentenceToken]:
     """Split a line of glosses into tokens at white space and punctuation, and find how each is signed.
 
-    A token that the lexicon has, in any case, is that word. With ``compounds`` the longest run of words that is one
-    gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU), unless punctuation separates them; so does a word written without
-    the gloss's hyphens. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored. A hyphenated
-    token whose parts are all glosses becomes those glosses. Any other token is fingerspelled if the lexicon has all its
-    letters and ``spell`` is True, with a warning and ``suggestions``. Emoji and other symbols are left out with a
-    warning. With ``drop_function_words`` English words without a sign in ASL are left out with a note, unless they are
-    part of a compound.
+    A token that the lexicon has, in any case, is that word; else a gloss that differs only in accents, marks, variant
+    or hyphens (``Lexicon.match``), or that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
+    note. With ``compounds`` the longest run of words that is one gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU),
+    unless punctuation separates them. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored.
+    A hyphenated token whose parts are all glosses becomes those glosses. A number is NUMBER-12, or its digits. Any
+    other token is fingerspelled if the lexicon has all its letters, else left out, with a warning and ``suggestions``.
+    Emoji and other symbols are left out with a warning. With ``drop_function_words`` English words without a sign in
+    ASL are left out with a note, unless they are part of a compound.
 
-    Raises ``UnknownGlossError``, which names every remaining token and similar glosses; ``InputError`` for a line
-    without glosses, or a letter that the lexicon lacks.
+    Raises ``InputError`` if nothing of the line can be said: ``UnknownGlossError``, which names every unknown token and
+    similar glosses, if one was typed. Without ``spell`` it raises for the first faults instead of spelling and leaving
+    words out.
     """
-    words = [part for word in split_words(text, lexicon.__contains__) for part in _parts(word, lexicon)]
+    words = [part for word in split_words(text, lexicon.__contains__, language) for part in _parts(word, lexicon)]
     if not any(word.text for word in words):
         left_out = "".join(word.left_out for word in words)
         left_out_note = f"; {left_out[:40]!r} stands for none" if left_out else ""
         raise InputError(f"no gloss in the sentence, expected at least one{left_out_note}")
-    for word in words:
-        gloss, mark, _ = word.text.rpartition("#")
-        if mark and gloss and word.text not in lexicon:
-            forms = [gloss, *takewhile(lexicon.__contains__, (f"{gloss}#{k}" for k in count(2)))]
-            raise InputError(f"{lexicon.where}: has no {word.text!r}, expected {' or '.join(forms[:5])}")
     readings: list[SentenceToken] = []
-    unknown: dict[str, tuple[str, ...]] = {}
     index = 0
     while index < len(words):
-        token = _compound(words[index : index + _LONGEST_COMPOUND], lexicon) if compounds else None
-        kept_text = _drop_function_word(words, index) if drop_function_words else words[index].text
-        token = token or _token(words[index], kept_text, lexicon, spell, compounds)
-        if token is None:
-            unknown[words[index].text] = lexicon.nearest(words[index].text)
-        else:
-            readings.append(token)
-        n_read = 1 if token is None else max(1, len(token.token.split()))
-        index += n_read
-        if token is not None:
-            readings[-1] = replace(token, pause=words[index - 1].pause)
-    if unknown:
-        raise UnknownGlossError(unknown, lexicon.where)
+        token = _compound(words[index : index + _LONGEST_COMPOUND], lexicon, language) if compounds else None
+        token = token or _token(words, index, lexicon, spell, drop_function_words, language)
+        index += max(1, len(token.token.split()))
+        readings.append(replace(token, pause=words[index - 1].pause))
+    texts = {word.text for word in words}
+    missing = [token for token in readings if token.warning and not token.glosses and token.token in texts]
+    if missing and not (spell and any(token.glosses for token in readings)):
+        unknown = {token.token: token.suggestions for token in missing if _LEFT_OUT not in token.warning}
+        fault = InputError(f"{lexicon.where}: {missing[0].warning.partition(_LEFT_OUT)[0]}")
+        raise UnknownGlossError(unknown, lexicon.where) if unknown else fault
     return readings
 
 
@@ -244,6 +261,14 @@ def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
 def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
     """Return the fingerspelled words, as typed."""
     return [token.token for token in tokens if token.spelled]
+
+
+def count_words(tokens: Sequence[SentenceToken]) -> str:
+    """Return how many words are signed, spelled and left out; empty if all are signed."""
+    spelled, left_out = len(list_spelled_words(tokens)), sum(not token.glosses for token in tokens)
+    n_words = sum(len(token.token.split()) for token in tokens)
+    counts = f"{n_words - spelled - left_out} of {n_words} words signed" + f", {spelled} spelled" * bool(spelled)
+    return counts + f", {left_out} left out" * bool(left_out) if spelled or left_out else ""
 
 
 @dataclass(frozen=True)
@@ -293,15 +318,20 @@ def _parts(word: TypedWord, lexicon: Lexicon) -> Iterator[TypedWord]:
     yield TypedWord(parts[-1], word.typed, "", word.ends_phrase, pause=word.pause)
 
 
-def _compound(words: Sequence[TypedWord], lexicon: Lexicon) -> SentenceToken | None:
-    """Return the longest gloss formed by the first two or more of up to ``_LONGEST_COMPOUND`` words, or None."""
+def _compound(words: Sequence[TypedWord], lexicon: Lexicon, language: str) -> SentenceToken | None:
+    """Return the longest gloss formed by the first two or more of up to ``_LONGEST_COMPOUND`` words, or None; in
+    English, function words between them may be left out (how are you: HOW-YOU).
+    """
     n_words = next((k + 1 for k, word in enumerate(words) if word.ends_phrase or word.left_out), len(words))
     for n in range(n_words, 1, -1):
         texts = [word.text for word in words[:n]]
         joined = _HYPHEN.join(texts)
-        compound = next((name for name in (joined, joined.replace(_APOSTROPHE, "")) if lexicon.lists(name)), None)
-        if compound is not None:
-            return _compound_token(" ".join(texts), lexicon.entry(compound).gloss)
+        kept = [text for text in texts[1:-1] if language != "en" or not is_function_word(text, "")]
+        names = (joined, joined.replace(_APOSTROPHE, ""), _HYPHEN.join([texts[0], *kept, texts[-1]]))
+        gloss = next(filter(None, map(lexicon.match, names)), None)
+        if gloss is not None:
+            token = " ".join(texts)
+            return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
     return None
 
 
@@ -311,11 +341,13 @@ def _drop_function_word(words: Sequence[TypedWord], at: int) -> str:
     return "" if is_function_word(text, after) else without_copula(text) or text
 
 
-def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
-    """Return how a word is signed, whose text ``kept`` remains; None if that is unknown."""
-    read = _resolve_text(kept, lexicon, spell, compounds) if kept else SentenceToken(word.text or word.typed, ())
-    if read is None:
-        return None
+def _token(
+    words: Sequence[TypedWord], at: int, lexicon: Lexicon, spell: bool, drops: bool, language: str
+) -> SentenceToken:
+    """Return how a word is signed; with a warning and without glosses if the lexicon has neither sign nor letters."""
+    word = words[at]
+    kept = word.meant or (_drop_function_word(words, at) if drops else word.text)
+    read = _resolve_text(kept, lexicon, spell, language) if kept else SentenceToken(word.text or word.typed, ())
     if kept != word.text:
         note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
         read = replace(read, token=word.text, note=note)
@@ -324,24 +356,33 @@ def _token(word: TypedWord, kept: str, lexicon: Lexicon, spell: bool, compounds:
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
 
 
-def _resolve_text(text: str, lexicon: Lexicon, spell: bool, compounds: bool) -> SentenceToken | None:
+def _resolve_text(text: str, lexicon: Lexicon, spell: bool, language: str) -> SentenceToken:
     if text in lexicon:
         return SentenceToken(text, (lexicon.entry(text).gloss,))
     if _mark(text):
         return _fingerspell_token(text, lexicon)
-    hyphenated = lexicon.find_hyphenated_gloss(text) if compounds else None
-    if hyphenated is not None:
-        return _compound_token(text, hyphenated)
+    first, mark, _ = text.rpartition("#")
+    if mark:
+        forms = [first, *takewhile(lexicon.__contains__, (f"{first}#{k}" for k in count(2)))]
+        return SentenceToken(text, (), warning=f"has no {text!r}, expected {' or '.join(forms[:5])}{_LEFT_OUT}")
+    number = "".join(str(unicodedata.decimal(c)) for c in text) if text.isdecimal() else ""
+    names = [text, *((f"NUMBER-{number}", f"NUM-{number}") if number else lemmas(text, language))]
+    gloss = next(filter(None, map(lexicon.match, names)), None)
+    if gloss is not None:
+        return SentenceToken(text, (gloss,), note=f"{text!r} is read as {gloss}")
     bare = text.replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(bare, lexicon) if spell else ()
-    if not letters or None in letters:
-        return None
+    if not letters or () in letters:
+        near = lexicon.nearest(text)
+        warning = f"no gloss {text!r}, and no letters for it{_hint(near)} is left out"
+        return SentenceToken(text, (), warning=warning, suggestions=near)
+    if number:
+        return SentenceToken(text, tuple(chain(*letters)), True)
     meant = tuple(gloss for gloss in lexicon.nearest(text, similarity=_TYPO) if _may_be_meant(gloss, bare))
-    so = f": did you mean {' or '.join(meant)}? It" if meant else ", so it"
-    so += f" is spelled{_by_other_letters(bare, letters)}"
     or_drop = ", or drop function words" * is_function_word(text, "")
-    warning = f"no gloss {text!r}{so}; write {LETTER_MARK}{bare} to mean that{or_drop}"
-    return SentenceToken(text, tuple(filter(None, letters)), True, warning, suggestions=meant)
+    warning = f"no gloss {text!r}{_hint(meant)} is spelled{_by_other_letters(bare, letters)}"
+    warning += f"; write {LETTER_MARK}{bare} to mean that{or_drop}"
+    return SentenceToken(text, tuple(chain(*letters)), True, warning, suggestions=meant)
 
 
 def _may_be_meant(gloss: str, bare: str) -> bool:
@@ -356,8 +397,8 @@ def _may_be_meant(gloss: str, bare: str) -> bool:
     return may_be_longer or len(meant) <= len(typed) or typed in meant.split(_HYPHEN)
 
 
-def _compound_token(token: str, gloss: str) -> SentenceToken:
-    return SentenceToken(token, (gloss,), note=f"{token!r} is read as one gloss, {gloss}")
+def _hint(near: Sequence[str]) -> str:
+    return f": did you mean {' or '.join(near)}? It" if near else ", so it"
 
 
 def _mark(text: str) -> str:
@@ -369,43 +410,44 @@ def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
     """Fingerspell a token that begins with one of ``SPELLED_MARKS``."""
     word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = _letters(word, lexicon)
-    missing = [c for c, letter in zip(unicodedata.normalize("NFC", word), letters, strict=True) if letter is None]
-    if missing or not letters:
-        letter = missing[0] if missing else _HYPHEN
-        raise InputError(
-            f"{lexicon.where}: {token!r} cannot be spelled, there is no letter {letter!r}; "
-            f"its letters are the glosses that begin with {LETTER_MARK}"
-        )
+    if not letters or () in letters:
+        letter = _characters(word)[letters.index(())] if letters else _HYPHEN
+        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}; its letters are the glosses that begin "
+        return SentenceToken(token, (), warning=f"{warning}with {LETTER_MARK}{_LEFT_OUT}")
     spelled_as = _by_other_letters(word, letters)
-    return SentenceToken(
-        token, tuple(filter(None, letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else ""
-    )
+    return SentenceToken(token, tuple(chain(*letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else "")
 
 
-def _letters(word: str, lexicon: Lexicon) -> tuple[str | None, ...]:
-    """Return for each character of a word the gloss of its letter, or of the letter without its accent; None if the
-    lexicon has neither.
+def _characters(word: str) -> list[str]:
+    """Return the letters of a word, composed; accents that no letter takes are left out."""
+    return [c for c in unicodedata.normalize("NFC", word) if plain(c)]
+
+
+def _letters(word: str, lexicon: Lexicon) -> tuple[tuple[str, ...], ...]:
+    """Return for each letter of a word the glosses that spell it: its own, or those of plain letters (Ü: U, ß: S S);
+    none if the lexicon lacks them.
     """
-    characters = unicodedata.normalize("NFC", word)
-    letter_of: dict[str, str | None] = {}
-    for character in set(characters):
-        glosses = [letter_gloss(c) for c in (character, _without_accent(character)) if c.isprintable()]
-        entries = [lexicon.entry(gloss) for gloss in glosses if gloss in lexicon]
-        letter_of[character] = next((entry.gloss for entry in entries if entry.kind == "letter"), None)
-    return tuple(letter_of[character] for character in characters)
+
+    def glosses(characters: str) -> tuple[str, ...]:
+        found = [_letter(c, lexicon) for c in characters if c.isprintable()]
+        return tuple(filter(None, found)) if all(found) else ()
+
+    letters = {c: glosses(c) or glosses(plain(c)) for c in _characters(word)}
+    return tuple(letters[c] for c in _characters(word))
 
 
-_STROKES = str.maketrans("ŁłØøĐđĦħŦŧı", "LlOoDdHhTti")
-"""Letters with a stroke, or without a dot, -> plain letters: Unicode does not decompose them."""
+def _letter(character: str, lexicon: Lexicon) -> str | None:
+    """Return the gloss of a letter or digit, or None."""
+    character = str(unicodedata.decimal(character, character))
+    letter = letter_gloss(character)
+    if letter in lexicon and lexicon.entry(letter).kind == "letter":
+        return lexicon.entry(letter).gloss
+    return lexicon.match(f"NUMBER-{character}") if character.isdecimal() else None
 
 
-def _without_accent(letter: str) -> str:
-    return unicodedata.normalize("NFD", letter)[0].translate(_STROKES)
-
-
-def _by_other_letters(word: str, letters: Sequence[str | None]) -> str:
+def _by_other_letters(word: str, letters: Sequence[Sequence[str]]) -> str:
     """Return a remark if a word is spelled without its accents (JOSE), else an empty text."""
-    characters = unicodedata.normalize("NFC", word)
-    if all(letter in (letter_gloss(c), None) for c, letter in zip(characters, letters, strict=True)):
+    pairs = zip(_characters(word), letters, strict=True)
+    if all(glosses[0] == letter_gloss(c) or c.isdecimal() for c, glosses in pairs):
         return ""
-    return f" as {''.join((letter or '')[len(LETTER_MARK) :] for letter in letters)}, without accents"
+    return f" as {''.join(gloss[len(LETTER_MARK) :] for gloss in chain(*letters))}, without accents"

@@ -91,6 +91,7 @@ SecondsASign = Annotated[float, Field(ge=FASTEST_S, le=SLOWEST_S, allow_inf_nan=
 Gloss = Annotated[str, Field(min_length=1, max_length=200)]
 Glosses = Annotated[list[Gloss], Field(min_length=1, max_length=1000, fail_fast=True)]
 Text = Annotated[str, Field(min_length=1, max_length=10_000)]
+Language = Annotated[str, Field(max_length=10)]
 MethodName = Annotated[str, Field(min_length=1, max_length=60)]
 
 STRICT = ConfigDict(extra="forbid")
@@ -135,9 +136,10 @@ class SentenceRequest(Dials):
 
     glosses: words in the order of signing.
     text: the same as one line, as it is typed; it is not translated.
-    spell: whether words that the lexicon lacks are fingerspelled.
+    spell: whether words that the lexicon lacks are fingerspelled or left out; else they are refused.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
     drop_function_words: whether articles, forms of be and auxiliary do, which ASL has no signs for, are left out.
+    language: of the words, a code such as en, for inflections and numbers; empty: no inflections.
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
     face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
@@ -151,6 +153,7 @@ class SentenceRequest(Dials):
     spell: bool = True
     compounds: bool = True
     drop_function_words: bool = False
+    language: Language = "en"
     pauses: bool = True
     face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
@@ -334,8 +337,8 @@ class OpenMessage(Dials):
     """The first message of a stream's client.
 
     paced: whether frames are sent one by one when they are due; else as soon as they are made.
-    spell: whether words that the lexicon lacks are fingerspelled.
-    compounds, drop_function_words: as in a sentence; compounds only within a text.
+    spell: whether words that the lexicon lacks are fingerspelled or left out; else they are refused.
+    compounds, drop_function_words, language: as in a sentence; compounds only within a text.
     pauses: whether a sign is held at the punctuation after its word, in the same message.
     face_rules: as in a sentence; brows ask within a text.
     """
@@ -345,6 +348,7 @@ class OpenMessage(Dials):
     spell: bool = True
     compounds: bool = True
     drop_function_words: bool = False
+    language: Language = "en"
     pauses: bool = True
     face_rules: bool = False
 
@@ -461,7 +465,8 @@ class DoneMessage:
 class ErrorMessage:
     """A message of the client was wrong.
 
-    A word that the lexicon lacks is left out, and the stream goes on; after any other error the socket closes.
+    A message of which nothing can be signed is left out, and the stream goes on; after most other errors the socket
+    closes.
 
     error: one line: what is wrong, and what to do.
     unknown: each gloss that the lexicon lacks, with the nearest glosses that it has.

@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -133,11 +134,11 @@ def start_worker(settings: Settings) -> None:
 
 def warm_up(is_quick: bool) -> None:
     """Warm up with a sentence of signs and letters, as a request, and as a stream if the process is for quick jobs:
-    read the networks, build the mannequin's mesh, and search for words similar to an unknown one. Measures the pace.
+    read the networks, build the mannequin's mesh, and read an unknown word. Measures the pace.
     """
     lexicon = _worker.lexicon
-    if "NO-SUCH-WORD" not in lexicon:  # reads the notation of the shipped signs, to look for a form
-        lexicon.nearest("NO-SUCH-WORD")
+    with suppress(InputError):  # reads the notation of the shipped signs, to look for a form, and a dictionary
+        parse("NO-SUCH-WORD", lexicon)
     glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
     n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
     glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
@@ -294,11 +295,11 @@ def options(dials: wire.Dials) -> SpliceOptions:
 def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """Parse a line of glosses. Raises ``InputError``, also for more words or letters than a sentence may have."""
     limit, lexicon = _worker.settings.max_glosses, _worker.lexicon
-    n_words = len(split_words(text, lexicon.__contains__))
+    n_words = len(split_words(text, lexicon.__contains__, wanted.language))
     if n_words > limit:  # before look-up, which is slow for many words
         raise InputError(f"{n_words} words, expected at most {limit}")
     try:
-        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words)
+        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words, wanted.language)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
