@@ -25,8 +25,8 @@ result.line = await page.inputValue('#glosses');
 result.signs = await texts('#spans .sign button');
 result.isHidden = await page.locator('#meant').isHidden();
 
-// A word that cannot be spelled either: the same beside the error.
-await page.fill('#glosses', 'HELLO fri3.5nd');
+// A line with nothing that can be signed or spelled: the same beside the error.
+await page.fill('#glosses', 'frięnδd');
 await page.keyboard.press('Enter');
 await page.waitForSelector('#alert:not([hidden])');
 await page.waitForSelector('#meant:not([hidden])');
