@@ -241,9 +241,8 @@ await shared.reload();
 await shown(shared, 1);
 result.reloaded = await state();
 await shared.goto(`${address}?s=${odd}&view=${odd}&sign_speed=1e99&transition_time=${odd}&speed=NaN&tempo=0.7&free_hand=${odd}&person=${odd}`);
-await shared.waitForSelector('#alert:not([hidden])');
-result.odd = { ...(await state()), alert: await shared.locator('#alert').textContent(), hacked: await shared.evaluate(() => globalThis.hacked ?? null) };
-result.faults.pop(); // the browser reports the 422 too
+await shown(shared, 1);
+result.odd = { ...(await state()), hacked: await shared.evaluate(() => globalThis.hacked ?? null) };
 
 await browser.close();
 console.log(JSON.stringify(result, null, 1));
