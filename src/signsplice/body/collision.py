@@ -290,11 +290,7 @@ class PosedCapsules:
         clip_lengths = np.diff([*firsts, len(self.starts)])
         origins = np.repeat(self.starts[list(firsts)].mean(axis=1), clip_lengths, axis=0)
         starts, axes = self.starts - origins[:, None], self.ends - self.starts
-        unmoved = starts
-        if moves is not None:
-            starts = starts.copy()
-            for side in (0, 1):
-                starts[:, hands[side]] += moves[:, side, None]
+        unmoved, starts = starts, starts if moves is None else _move_hands(starts, hands, moves)
         middles = starts + 0.5 * axes
         reach = 0.5 * np.sqrt(dot(axes, axes)) + thick
         hand_balls = [_ball(middles[:, hand], reach[:, hand]) for hand in hands]
@@ -377,6 +373,14 @@ class PosedCapsules:
         number not above 0, and its exit direction is meaningless. ``firsts``, ``fixed``: as there.
         """
         return self.near_pairs(firsts=firsts, fixed=fixed).penetration()
+
+
+def _move_hands(starts: FloatArray, hands: Sequence[Index], moves: FloatArray) -> FloatArray:
+    """Returns starts (T, C, 3) of capsules with those of the left and right hand moved by ``moves`` (T, 2, 3)."""
+    moved = starts.copy()
+    for side in (0, 1):
+        moved[:, hands[side]] += moves[:, side, None]
+    return moved
 
 
 def _meeting_parts(

@@ -6,7 +6,6 @@ mesh and an action. ``gltf_reader`` describes reading.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.body.mesh import bind_pose, body_mesh
-from signsplice.formats.gltf_document import HUMANOID_EXTRA, REPORT_EXTRA, ROLES_EXTRA, chunks
+from signsplice.formats.gltf_document import HUMANOID_EXTRA, ROLES_EXTRA, chunks
 from signsplice.formats.gltf_face import write_face
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_unpack import DRACO
@@ -77,8 +76,6 @@ def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
     writer.gltf.extras = {HUMANOID_EXTRA: names_of_roles}
     if clip.skeleton.roles:
         writer.gltf.extras[ROLES_EXTRA] = dict(clip.skeleton.roles)
-    if clip.report is not None:
-        writer.gltf.extras[REPORT_EXTRA] = json.dumps(clip.report, ensure_ascii=False)
     if mesh:
         bind_quats, positions = bind_pose(clip.skeleton)
         writer.skin(joints, rotation.to_matrix(bind_quats).transpose(0, 2, 1), metres * positions, joints[0])
@@ -92,4 +89,4 @@ def document(clip: Clip, mesh: bool = True, whole_face: bool = False) -> GLTF2:
             writer.channel(node, "translation", times, translations[:, joint])
     if mesh and clip.face is not None:
         write_face(writer, clip.face, times)
-    return writer.finish(clip.name, clip.fps)
+    return writer.finish(clip.name, clip.fps, clip.report)

@@ -152,17 +152,7 @@ class MeshReader(SkeletonDocument):
                 f"{self.file}: {unknown[0]!r} is no mesh, node or material that joints carry: {known:.300}"
             )
         on_skin, is_cloth, is_doubtful = np.concatenate(masks, axis=1)
-        firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        vertices, weights = (
-            np.concatenate([np.empty((0, n)), *(getattr(part, name) for part in parts)])
-            for name, n in (("vertices", 3), ("weights", N_JOINTS))
-        )
-        joints = np.concatenate([np.empty((0, N_JOINTS), np.int64), *(part.joints for part in parts)])
-        triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=False)]
-        points = SkinPoints(
-            vertices, joints, weights, np.concatenate([np.empty((0, 3), np.int64), *triangles]), is_cloth
-        )
-        return tuple(parts), points.where(on_skin), is_doubtful[on_skin]
+        return tuple(parts), _join_points(parts, is_cloth).where(on_skin), is_doubtful[on_skin]
 
     def _triangle_primitives(self, mesh: int) -> list[Fields]:
         """Return the primitives of a mesh that are indexed triangles."""
@@ -371,6 +361,18 @@ class MeshReader(SkeletonDocument):
         total = weights.sum(axis=1, keepdims=True)
         weights = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), [1.0, 0.0, 0.0, 0.0])
         return joints, weights
+
+
+def _join_points(parts: Sequence[MeshPart], is_cloth: NDArray[np.bool_]) -> SkinPoints:
+    """Return the V vertices of all parts; ``is_cloth``: (V,) whether each lies on clothing."""
+    firsts = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices, weights = (
+        np.concatenate([np.empty((0, n)), *(getattr(part, name) for part in parts)])
+        for name, n in (("vertices", 3), ("weights", N_JOINTS))
+    )
+    joints = np.concatenate([np.empty((0, N_JOINTS), np.int64), *(part.joints for part in parts)])
+    triangles = [part.triangles + first for part, first in zip(parts, firsts, strict=False)]
+    return SkinPoints(vertices, joints, weights, np.concatenate([np.empty((0, 3), np.int64), *triangles]), is_cloth)
 
 
 def normals(vertices: FloatArray, triangles: NDArray[np.int64]) -> FloatArray:

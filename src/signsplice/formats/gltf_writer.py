@@ -5,7 +5,8 @@ Lengths are metres, up is +Y; the signer stands at the origin, soles at height 0
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import json
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.capsules import MeshPart, body_capsules, capsule_ends
 from signsplice.body.mesh import bind_pose
-from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR
+from signsplice.formats.gltf_document import FPS_EXTRA, GENERATOR, REPORT_EXTRA
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.align import Placement, place
 from signsplice.rig.info import rig_info
@@ -217,8 +218,10 @@ class DocumentWriter:
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
         animation.channels.append(pygltflib.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
-    def finish(self, name: str, fps: float) -> pygltflib.GLTF2:
-        """Return the complete document; its animation gets a name and a frame rate."""
+    def finish(self, name: str, fps: float, report: Mapping[str, Any] | None = None) -> pygltflib.GLTF2:
+        """Return the complete document; its animation gets a name and a frame rate, its extras a splice's report."""
+        if report is not None:
+            self.gltf.extras[REPORT_EXTRA] = json.dumps(report, ensure_ascii=False)
         self.gltf.animations[0].name = name or "signing"
         self.gltf.animations[0].extras = {**(self.gltf.animations[0].extras or {}), FPS_EXTRA: fps}
         self.content += b"\0" * (-len(self.content) % 4)

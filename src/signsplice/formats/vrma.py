@@ -6,15 +6,13 @@ look-at. ``gltf_reader`` describes reading.
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 from pygltflib import GLTF2
 
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
 from signsplice.formats.avatar import with_bones
-from signsplice.formats.gltf_document import REPORT_EXTRA, VRM_ANIMATION
+from signsplice.formats.gltf_document import VRM_ANIMATION
 from signsplice.formats.gltf_face import write_expressions, write_look_at
 from signsplice.formats.gltf_reader import parse
 from signsplice.formats.gltf_writer import DocumentWriter, in_front, sole_depth
@@ -95,6 +93,4 @@ def document(clip: Clip) -> GLTF2:
             extension["lookAt"] = write_look_at(writer, clip.face, times, look_at)
     writer.gltf.extensionsUsed.append(VRM_ANIMATION)
     writer.gltf.extensions[VRM_ANIMATION] = extension
-    if clip.report is not None:
-        writer.gltf.extras[REPORT_EXTRA] = json.dumps(clip.report, ensure_ascii=False)
-    return writer.finish(clip.name, clip.fps)
+    return writer.finish(clip.name, clip.fps, clip.report)
