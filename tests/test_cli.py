@@ -147,7 +147,6 @@ BAD_CALLS = [
     (("splice", "nowhere.bvh", "HELLO.bvh", "-o", "out.bvh"), "nowhere.bvh: no such file"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "no/out.bvh"), "folder no does not exist"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.fbx"), "suffix .fbx cannot be written"),
-    (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.pose"), "landmark files cannot be written yet"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--cutter", "x"), "no cutter 'x', expected one of"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition", "x"), "no transition 'x'"),
     (("splice", "HELLO.bvh", "SIGN.bvh", "-o", "out.bvh", "--transition-time", "x"), "no duration 'x'"),

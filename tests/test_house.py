@@ -46,9 +46,10 @@ FLOORS = {
 
 SPLICING = (
     "contracts", "durations", "runtime", "bundle", "features", "cutters", "curves", "learned", "word",
-    "seam", "collisions", "person", "carriage", "passes", "tempo", "letters", "pauses", "result", "faces", "mouthing",
+    "seam", "collisions", "person", "carriage", "passes", "tempo", "letters", "pauses", "result", "faces", "landmarks",
+    "mouthing",
     "systems", "from_positions", "lptransformer", "options", "cards", "stages", "sentence", "report", "engine",
-    "bulk_splice",
+    "stitch", "bulk_splice",
 )  # fmt: skip
 """Files of splicing in the order in which they can be read: each imports only from those before it."""
 
@@ -355,7 +356,7 @@ def test_import_and_help_are_light() -> None:
 def test_the_public_names_are_few_and_documented() -> None:
     first = (
         "Clip FormatError InputError Lexicon Piece RigMismatchError SignspliceError Skeleton SpliceOptions "
-        "SpliceResult inbetween load open_lexicon read_avatar retarget save sign splice stream"
+        "SpliceResult inbetween load open_lexicon read_avatar retarget save sign splice stitch stream"
     )
     more = (
         "Cut Cutter CurveProblem CurveTransition Stream Transition Word concatenate parse words_of write_pictures "

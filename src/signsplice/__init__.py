@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from signsplice.splicing.curves import CurveProblem, CurveTransition
     from signsplice.splicing.engine import Piece, SpliceOptions, SpliceResult, Stream, inbetween, splice, stream
     from signsplice.splicing.report import write_report
+    from signsplice.splicing.stitch import stitch
     from signsplice.splicing.word import Word, words_of
     from signsplice.written.signing import sign
 
@@ -35,6 +36,7 @@ _HOMES = {
     "splicing.curves": ("CurveProblem", "CurveTransition"),
     "splicing.engine": ("Piece", "SpliceOptions", "SpliceResult", "Stream", "inbetween", "splice", "stream"),
     "splicing.report": ("write_report",),
+    "splicing.stitch": ("stitch",),
     "splicing.word": ("Word", "words_of"),
     "written.signing": ("sign",),
 }
@@ -67,6 +69,7 @@ __all__ = [
     "save",
     "sign",
     "splice",
+    "stitch",
     "stream",
     "words_of",
     "write_pictures",

@@ -46,6 +46,14 @@ def inspect(file: str, as_json: bool) -> None:
     clip = load(file, warns=False)
     facts = inspect_clip(clip, file)
     facts["warnings"] += depth_warnings(clip)
+    if clip.points is not None:
+        from signsplice.body.landmarks import measure_fit
+
+        facts["landmarks"] = [
+            f"{group.name}: {group.points} points, {group.seen:.0%} seen"
+            + ("" if group.pixels is None else f", {group.pixels:g} pixels from the fitted pose")
+            for group in measure_fit(clip)
+        ]
     if as_json:
         print(json.dumps(facts, indent=2, ensure_ascii=False))
         return

@@ -26,24 +26,22 @@ class FileFormat:
 
     suffix: suffix of its files, lower case with the dot.
     module: module of this package with ``parse(content, file, limits) -> Clip``, which may raise anything, and, if
-        clips are written, ``encode(clip) -> bytes``. Empty for a format that is only planned.
+        clips are written, ``encode(clip) -> bytes``.
     reads, writes: whether clips are read and written in it.
     has_buffers: whether a file may name others in its folder: then ``parse`` also takes that ``folder``.
     has_takes: whether one of a file's motions can be chosen: then ``parse`` also takes ``take``, its name. Of other
         files the first motion is read.
     media_type: its Content-Type in HTTP; empty for a format that the HTTP service neither accepts nor sends.
-    planned_content: what files of a planned format hold, for the error message; else empty.
     holds_faces: whether its files can hold a clip's face.
     """
 
     suffix: str
-    module: str = ""
+    module: str
     reads: bool = True
     writes: bool = True
     has_buffers: bool = False
     has_takes: bool = False
     media_type: str = ""
-    planned_content: str = ""
     holds_faces: bool = True
 
 
@@ -57,14 +55,14 @@ FORMATS = {
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".fbx", "fbx", writes=False, has_takes=True),
-        FileFormat(".pose", planned_content="landmark"),
+        FileFormat(".pose", "pose", media_type="application/x-pose", holds_faces=False),
     )
 }
 """Suffix -> format, in the order of messages and help texts."""
 
-READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.reads)
+READ_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.reads)
 """Suffixes that ``load`` reads."""
-WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.module and row.writes)
+WRITE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.writes)
 """Suffixes that ``save`` and ``encode`` write."""
 WIRE_SUFFIXES = tuple(row.suffix for row in FORMATS.values() if row.media_type)
 """Suffixes that ``parse`` reads and that the HTTP service accepts and sends."""
@@ -254,7 +252,4 @@ def _format(path: str | Path, done: str, suffixes: Sequence[str]) -> FileFormat:
     expected = f"expected {join_suffixes(suffixes)}"
     if suffix == ".vrm":
         raise InputError(f"{path}: is an avatar, no clip, {expected}; `signsplice convert` puts clips onto avatars")
-    row = FORMATS.get(suffix)
-    if row is not None and row.planned_content:
-        raise InputError(f"{path}: {row.planned_content} files cannot be {done} yet, {expected}")
     raise InputError(f"{path}: a file with suffix {suffix or '(none)'} cannot be {done}, {expected}")

@@ -6,6 +6,7 @@ import json
 import math
 import zipfile
 from collections.abc import Mapping
+from dataclasses import asdict
 from io import BytesIO
 from typing import Any
 
@@ -18,6 +19,7 @@ from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, s
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
+from signsplice.motion.points import Component, Framing, PointLayout, Points
 
 VERSION = 1
 """Version of the archives that ``encode`` writes."""
@@ -32,6 +34,7 @@ _INTEGERS = "parents"
 _ARRAYS = {
     "parents": 1, "offsets": 2, "end_offsets": 2, "local_rotations": 3, "root_positions": 2,
     "translations": 3, "channel_values": 2, "channel_offsets": 2, "face_weights": 2,
+    "point_values": 3, "point_confidence": 2,
 }  # fmt: skip
 """Names of arrays -> number of their dimensions."""
 _OF_FRAMES = ("local_rotations", "root_positions", "translations", "face_weights")
@@ -69,6 +72,9 @@ def encode(clip: Clip, rounded: bool = False) -> bytes:
         arrays |= {"channel_values": channels.values, "channel_offsets": channels.offsets}
     if clip.face is not None:
         head["face"], arrays["face_weights"] = clip.face.channels, clip.face.weights
+    if clip.points is not None:
+        head["points"] = {**asdict(clip.points.layout), "framing": asdict(clip.points.framing)}
+        arrays |= {"point_values": clip.points.values, "point_confidence": clip.points.confidence}
     if rounded:
         frames = {name: arrays[name] for name in _OF_FRAMES if name in arrays}
         arrays |= {name: (np.rint(a / _ROUNDED_TO) * _ROUNDED_TO).astype(np.float32) for name, a in frames.items()}
@@ -145,6 +151,7 @@ def _clip(head: Any, arrays: Mapping[str, Any]) -> Clip:
         translations=arrays.get("translations"),
         channels=_channels(head, arrays) if "channels" in head else None,
         face=_face(head["face"], arrays["face_weights"]) if "face" in head else None,
+        points=_points(head["points"], arrays) if "points" in head else None,
         report=as_object(head.get("report")) or None,
     )
 
@@ -163,6 +170,23 @@ def _face(names: Any, weights: Any) -> Face:
     if not _are(names, str):
         raise InputError("face: expected a list of coefficients")
     return Face(tuple(names), weights)
+
+
+def _points(described: Any, arrays: Mapping[str, Any]) -> Points:
+    components = tuple(
+        Component(
+            str(group["name"]),
+            tuple(map(str, group["points"])),
+            tuple((int(a), int(b)) for a, b in group["limbs"]),
+            tuple((int(r), int(g), int(b)) for r, g, b in group["colors"]),
+            str(group["format"]),
+        )
+        for group in described["components"]
+    )
+    width, height, depth = map(int, described["size"])
+    framing = Framing(*(float(described["framing"][name]) for name in ("scale", "x", "y", "z")))
+    layout = PointLayout(components, (width, height, depth))
+    return Points(layout, arrays["point_values"], arrays["point_confidence"], framing)
 
 
 def _channels(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> Channels:

@@ -19,6 +19,7 @@ from signsplice.errors import InputError
 from signsplice.hooks import html_renderers
 from signsplice.motion import rotation
 from signsplice.motion.face import Face, concatenate_faces
+from signsplice.motion.points import Points, concatenate_points
 from signsplice.motion.rotation import FloatArray
 
 _UNIT_TOLERANCE = 1e-6
@@ -288,6 +289,7 @@ class Clip(HasDerived):
     left_out: names of what its file animates but the clip does not hold (expressions, morph targets, look-at).
     notes: lines about other differences from its file: the first of several animations, a rounded rate.
     face: the face in every frame; None if unknown.
+    points: the landmarks of the video that its pose was fitted to; None for motion from elsewhere.
     report: JSON-ready report of the splice that made the frames (``splicing.report``); None for all others.
     source_clip: the clip that this one is a rigid placement of (``rig.align.place``), else None.
 
@@ -305,6 +307,7 @@ class Clip(HasDerived):
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     face: Face | None = None
+    points: Points | None = None
     report: Mapping[str, Any] | None = None
     source_clip: Clip | None = field(default=None, init=False)
 
@@ -344,6 +347,8 @@ class Clip(HasDerived):
             raise InputError(f"{label}: channels of {len(self.channels.names)} joints, expected {j}")
         if self.face is not None and len(self.face) != len(q):
             raise InputError(f"{label}: a face of {len(self.face)} frames for {len(q)} frames")
+        if self.points is not None and len(self.points) != len(q):
+            raise InputError(f"{label}: landmarks of {len(self.points)} frames for {len(q)} frames")
 
     def __repr__(self) -> str:
         frames = f"{len(self)} frame{'s' * (len(self) != 1)}, {self.seconds:.2f} s at {self.fps:g} fps"
@@ -373,6 +378,7 @@ class Clip(HasDerived):
             **_arrays_at(self, frames),
             channels=None if self.channels is None else self.channels[frames],
             face=None if self.face is None else self.face[frames],
+            points=_points_at(self, frames),
         )
 
     @property
@@ -385,6 +391,7 @@ class Clip(HasDerived):
         """Bytes of memory of the clip's arrays."""
         total = self.local_rotations.nbytes + self.root_positions.nbytes
         total += 0 if self.face is None else self.face.weights.nbytes
+        total += 0 if self.points is None else self.points.nbytes
         if self.translations is not None:
             total += self.translations.nbytes
         return total + (self.channels.values.nbytes if self.channels is not None else 0)
@@ -418,6 +425,7 @@ def concatenate(clips: Sequence[Clip], name: str = "") -> Clip:
         face=concatenate_faces([(clip.face, len(clip)) for clip in clips])
         if any(clip.face is not None for clip in clips)
         else None,
+        points=concatenate_points([clip.points for clip in clips]),
     )
 
 
@@ -432,7 +440,7 @@ def _concatenate_arrays(clips: Sequence[Clip]) -> dict[str, Any]:
 
 def copy_unchecked(clip: Clip, **changes: object) -> Clip:
     """Copy ``clip`` with some fields changed, without the checks of a new clip and without its ``source_clip``; also
-    without its face and its report if the number of frames changes and none are given.
+    without its face, points and report if the number of frames changes and none are given.
 
     For changes that cannot break a valid clip: slices, joins and rigid moves.
     """
@@ -441,8 +449,9 @@ def copy_unchecked(clip: Clip, **changes: object) -> Clip:
     new_clip.__dict__.pop("derived", None)
     for name, value in changes.items():
         new_clip.__dict__[name] = frozen(value) if isinstance(value, np.ndarray) and value.flags.writeable else value
-    if new_clip.face is not None and len(new_clip.face) != len(new_clip):
-        new_clip.__dict__["face"] = None
+    for name in ("face", "points"):
+        if new_clip.__dict__[name] is not None and len(new_clip.__dict__[name]) != len(new_clip):
+            new_clip.__dict__[name] = None
     if "report" not in changes and len(new_clip) != len(clip):
         new_clip.__dict__["report"] = None
     return new_clip
@@ -450,7 +459,11 @@ def copy_unchecked(clip: Clip, **changes: object) -> Clip:
 
 def at_frames(clip: Clip, frames: slice | NDArray[np.intp]) -> Clip:
     """Return the frames of a clip in a slice or at indices, in any order, without its file's channels."""
-    return copy_unchecked(clip, **_arrays_at(clip, frames), channels=None)
+    return copy_unchecked(clip, **_arrays_at(clip, frames), channels=None, points=_points_at(clip, frames))
+
+
+def _points_at(clip: Clip, frames: slice | NDArray[np.intp]) -> Points | None:
+    return None if clip.points is None else clip.points[frames]
 
 
 def _arrays_at(clip: Clip, frames: slice | NDArray[np.intp]) -> dict[str, Any]:
@@ -507,6 +520,7 @@ def sample_clip(clip: Clip, at: FloatArray) -> Clip:
         translations=None if clip.translations is None else between(clip.translations),
         channels=None if clip.channels is None else clip.channels.forgotten(len(at)),
         face=None if clip.face is None else Face(clip.face.channels, between(clip.face.weights)),
+        points=None if clip.points is None else clip.points.sample(low, high, weight),
     )
 
 
@@ -551,5 +565,5 @@ def batch_clips(clips: Sequence[Sequence[Clip]], most: int = MOST_FRAMES) -> Ite
 
 def _concatenate_batch(clips: Sequence[Sequence[Clip]], rows: list[int], lengths: list[int]) -> JoinedClips:
     parts = [part for row in rows for part in clips[row]]
-    joined = copy_unchecked(parts[0], **_concatenate_arrays(parts), channels=None, face=None)
+    joined = copy_unchecked(parts[0], **_concatenate_arrays(parts), channels=None, face=None, points=None)
     return JoinedClips(rows, joined, np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp))

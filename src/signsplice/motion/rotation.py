@@ -123,9 +123,10 @@ def from_matrix(m: ArrayLike) -> FloatArray:
 
 
 def nearest(m: FloatArray) -> FloatArray:
-    """Return the rotation (4,) nearest to a matrix (3, 3) in least squares (Kabsch 1976)."""
+    """Return the rotations (..., 4) nearest to matrices (..., 3, 3) in least squares (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(m)
-    return from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+    u[..., -1] *= np.linalg.det(u @ vt)[..., None]
+    return from_matrix(u @ vt)
 
 
 def exp(rotvec: ArrayLike) -> FloatArray:

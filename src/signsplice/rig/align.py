@@ -17,6 +17,7 @@ import numpy as np
 from signsplice.errors import RigMismatchError
 from signsplice.motion import Clip, FloatArray, Skeleton, at_frames, copy_unchecked, kinematics, resample, rotation
 from signsplice.motion.kinematics import forward, global_quats, path_to_root, rest_positions
+from signsplice.motion.points import Framing, PointLayout
 from signsplice.rig.info import rig_info
 from signsplice.rig.rest_pose import IDENTICAL, axes_on_one_body, bones_apart, size_ratio
 from signsplice.rig.roles import ARM, SIDES, body_parts, find_lost_roles
@@ -162,6 +163,7 @@ class Reference:
     held_pose: (J, 4) local rotations that joints without a counterpart hold.
     name: its name, for messages.
     face_roles: roles of joints that a face moves, not a clip's joints: that they hold their pose is no loss.
+    landmarks: their layout and framing; None without any.
     """
 
     skeleton: Skeleton
@@ -170,16 +172,24 @@ class Reference:
     held_pose: FloatArray
     name: str
     face_roles: tuple[str, ...] = ()
+    landmarks: tuple[PointLayout, Framing] | None = None
 
 
 def reference(first: Clip, fps: float | None = None) -> Reference:
     """Returns the reference set by the first clip of a sentence; ``fps``: output rate, by default that of the clip."""
-    return Reference(first.skeleton, fps or first.fps, placement(first), first.local_rotations[0], first.name)
+    landmarks = None if first.points is None else (first.points.layout, first.points.framing)
+    pose = first.local_rotations[0]
+    return Reference(first.skeleton, fps or first.fps, placement(first), pose, first.name, landmarks=landmarks)
 
 
 def settle(carried: Clip, to: Reference) -> Clip:
-    """Brings a clip that is on the skeleton of a reference to that reference's position, facing and frame rate."""
-    return resample(place(carried, to.placement), to.fps)
+    """Brings a clip that is on the skeleton of a reference to that reference's position, facing, framing and rate."""
+    placed = place(carried, to.placement)
+    points = placed.points
+    if points is not None and to.landmarks is not None and (points.layout, points.framing) != to.landmarks:
+        source_clip = placed.source_clip or placed
+        placed = copy_unchecked(placed, points=points.reframe(*to.landmarks), source_clip=source_clip)
+    return resample(placed, to.fps)
 
 
 def copy_rotations(clip: Clip, to: Reference, by_role: bool = False) -> tuple[Clip, tuple[str, ...], bool]:

@@ -26,6 +26,7 @@ from signsplice.rig.rest_pose import with_rest_pose
 from signsplice.splicing.contracts import Cut, Transition, gap_at
 from signsplice.splicing.durations import MAX_TRANSITION_S
 from signsplice.splicing.faces import ease_face
+from signsplice.splicing.landmarks import carry_points
 from signsplice.splicing.options import SpliceOptions, choose
 from signsplice.splicing.passes import AvoidCollisions, FillGaps, fill
 from signsplice.splicing.report import with_report
@@ -168,6 +169,8 @@ def inbetween(
         if clip.face is not None:
             face = ease_face(clip.face[:start], clip.face[stop:], start - 1, 0, stop - start, clip.fps)
             new = copy_unchecked(new, face=face)
+        if clip.points is not None:
+            new = copy_unchecked(new, points=carry_points(clip, start - 1, new, clip, stop))
         pieces += [clip[stretch[0] : stretch[1]], new]
         spans += [Span("sign", 0, clip.name, stretch, stretch), Span("transition", None, None, None, (start, stop))]
         seams += [score for score in (score_seam(seam, positions).score,) if score is not None]

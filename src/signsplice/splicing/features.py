@@ -249,7 +249,7 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     phases = weights / weights.sum(axis=-1, keepdims=True)
     possible = phases[:, _STROKE] > _STROKES.least_probability
     surest = phases.argmax(axis=-1)
-    goes = np.isin(surest, (_PREPARATION, _RETRACTION))
+    goes = are_on_the_way(scores)
     strokes, _ = scipy.ndimage.label(
         (scipy.ndimage.binary_closing(possible, np.ones(_STROKES.least_pause_frames, bool)) & ~goes) | possible
     )
@@ -287,6 +287,11 @@ def _without_rest_moves(
             break
         strokes = strokes[1:]
     return strokes
+
+
+def are_on_the_way(scores: NDArray[np.float32]) -> Mask:
+    """Returns the frames (T,) whose surest phase of scores (T, 5) is preparation or retraction."""
+    return np.isin(scores.argmax(axis=-1), (_PREPARATION, _RETRACTION))
 
 
 def are_away(wrists: NDArray[np.floating]) -> Mask:

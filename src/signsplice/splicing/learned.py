@@ -385,6 +385,8 @@ class LearnedCutter(Cutter):
     def ends(self, clip: Clip) -> tuple[WordEnd, WordEnd]:
         """Returns the end of a word and its beginning, read by themselves; ``clip``: as it is before it is placed."""
         p, q = self.reader.alone(clip)
+        if clip.points is not None:
+            p, q = _between_rests(p), _between_rests(q)
         left, entered = self._log_probabilities(p, q)
         self.reader.forget(clip)  # a reading takes a hundred times the memory
         return _word_end(p, left), _word_end(q, entered)
@@ -399,6 +401,17 @@ class LearnedCutter(Cutter):
             for name, word in (("left", p), ("entered", q))
         )
         return leave_scores, enter_scores
+
+
+def _between_rests(reading: WordReading) -> WordReading:
+    """Returns a reading whose stroke lies while arms are away from rest, without the preparation and retraction there.
+    In dictionaries on video hands rest before the belly, where the network takes the detector's tremor for strokes.
+    """
+    if reading.stroke is None:
+        return reading
+    start, stop = max(reading.stroke[0], reading.active[0]), min(reading.stroke[1] + 1, reading.active[1])
+    kept = np.flatnonzero(~features.are_on_the_way(reading.phases[start:stop]))
+    return replace(reading, stroke=(start + int(kept[0]), start + int(kept[-1]))) if len(kept) else reading
 
 
 def _word_end(reading: WordReading, scores: FloatArray) -> WordEnd:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from signsplice.body.landmark_fit import DEPTH_NOTE
 from signsplice.body.retarget import align, reference_onto
 from signsplice.errors import InputError, SignspliceError
 from signsplice.lexicon.gloss import is_letter
@@ -32,6 +33,7 @@ from signsplice.splicing.cards import recall
 from signsplice.splicing.contracts import Cut
 from signsplice.splicing.durations import HUMAN, MAX_TRANSITION_S
 from signsplice.splicing.faces import BROWS, EaseFaces
+from signsplice.splicing.landmarks import CarryLandmarks
 from signsplice.splicing.letters import (
     MOVEMENTS,
     MoveFingers,
@@ -65,6 +67,7 @@ def passes(options: SpliceOptions, methods: Methods) -> tuple[Pass, ...]:
         (MoveFingers(options.sign_speed), True),
         (HoldPauses(), True),
         (EaseFaces(), True),
+        (CarryLandmarks(), True),
     )
     return tuple(step for step, is_wanted in listed if is_wanted)
 
@@ -126,7 +129,12 @@ class Planner:
         shown, recorded = resampled, aligned.clip
         if held_clip is not clip:
             shown, recorded = resampled[resampled_span], aligned.clip[motion.start : motion.stop]
-        warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
+        known = (DEPTH_NOTE,) if index else ()  # of every word with landmarks, said once
+        lines = [line for line in clip_warnings(clip) if line not in known]
+        warnings = (*(f"{clip.name}: {line}" for line in lines), *aligned.warnings)
+        if (clip.points is None) != (to.landmarks is None) and index:
+            which = "has no landmarks" if clip.points is None else f"has landmarks, {to.name} has none"
+            warnings = (*warnings, f"{clip.name}: {which}: the sentence is made without any")
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
         frames = FrameMap(n_left_out=resampled_span.start)
@@ -169,6 +177,8 @@ class Planner:
         if with_ends_held(clip) is not clip:  # it has stray frames
             clip = word.clip
         owns = owned_channels(clip) if given.owns is None else given.owns
+        if word.clip.points is not None:
+            owns = frozenset(CHANNELS)  # what was seen is not planned
         moved = CHANNELS[2:] if self.options.moves_person else ()
         planned = tuple(part for part in moved if part not in owns and channel_joints(word.clip, part))
         brow = given.brow if BROWS in self.options.face_rules else None

@@ -1,0 +1,94 @@
+"""Landmarks in the new frames between two words.
+
+A point that both words show goes from one to the other by the limited Hermite curve of ``curves``, with its velocity at
+both ends. A point that one word does not show at its end is carried by the joint of the fitted person that it belongs
+to, as far from it as it was seen, and fades by its confidence: so a hand that comes into view arrives with its arm.
+
+Rejected: to hang every point on its joint and let the pose's path carry it. Hidden frames of real signing are then
+filled worse, with and without turning the points with the joint (workshop/docs/measured/landmarks.md): a pose that is
+guessed from one camera trembles more than the points that it was guessed from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signsplice.body.landmarks import find_anchors
+from signsplice.motion import Clip, FloatArray, concatenate, copy_unchecked, kinematics
+from signsplice.motion.cache import CACHE
+from signsplice.motion.points import Points, concatenate_points
+from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS, CurveProblem, CurveTransition
+from signsplice.splicing.passes import Pass
+from signsplice.splicing.seam import Seam
+
+
+@dataclass(frozen=True)
+class CarryLandmarks(Pass):
+    """Sets the landmarks of a seam's new frames; runs last, on their final pose."""
+
+    def concerns(self, seam: Seam) -> bool:
+        """Whether there are new frames and both words have landmarks of one layout."""
+        before, after = seam.before.retimed.points, seam.after.retimed.points
+        has_both = before is not None and after is not None and before.layout == after.layout
+        return has_both and seam.frames is not None
+
+    def change(self, seam: Seam) -> Seam:
+        """Returns the seam with landmarks in its new frames; those of a pause are the word's."""
+        cut, n_held, new = seam.retimed_cut, seam.n_held, seam.new_frames
+        assert seam.before_clip.points is not None
+        points: Points | None = seam.before_clip.points[cut.pre + 1 : cut.pre + 1 + n_held]
+        if n_held < len(new):
+            carried = carry_points(seam.before_clip, cut.pre + n_held, new[n_held:], seam.after_clip, cut.post)
+            points = concatenate_points([points, carried])
+        return replace(seam, frames=copy_unchecked(new, points=points))
+
+
+def carry_points(before: Clip, last: int, new: Clip, after: Clip, first: int) -> Points:
+    """Returns the landmarks of ``new`` frames between frame ``last`` of one clip and frame ``first`` of another."""
+    ends = [(before, max(last - 1, 0)), (before, last), (after, first), (after, min(first + 1, len(after) - 1))]
+    points = [clip.points[frame : frame + 1] for clip, frame in ends if clip.points is not None]
+    values = np.concatenate([part.values for part in points]).astype(np.float64)  # (4, P, D)
+    confidence = np.concatenate([part.confidence for part in points])  # (4, P)
+    seen = confidence > 0.0
+    values[~seen] = 0.0
+    carried = _curve(values, seen, len(new), new.fps)
+    if len(single := np.flatnonzero((seen[1] != seen[2]) & points[0].layout.in_image)):
+        window = concatenate([before[last : last + 1], new, after[first : first + 1]])
+        _carry_by_joints(carried, seen[1, single], single, points[0], window)
+    u = (np.arange(1, len(new) + 1) / (len(new) + 1))[:, None]
+    faded = confidence[1] + u * (confidence[2] - confidence[1])
+    return points[0].changed(carried.astype(np.float32), faded.astype(np.float32))
+
+
+def _curve(values: FloatArray, seen: NDArray[np.bool_], n_frames: int, fps: float) -> FloatArray:
+    """Returns values (n, P, D) between the second and third of four ends (4, P, D), of which not all were ``seen``
+    (4, P); those of the seen end where the other was not.
+    """
+    start = np.where(seen[1, :, None], values[1], values[2])
+    stop = np.where(seen[2, :, None], values[2], values[1])
+    both = (seen[1] & seen[2])[:, None]
+    leaving = np.where(both & seen[0, :, None], values[1] - values[0], 0.0)
+    entering = np.where(both & seen[3, :, None], values[3] - values[2], 0.0)
+    hermite = TRANSITIONS[CLASSICAL_TRANSITION]
+    assert isinstance(hermite, CurveTransition)
+    times = np.arange(1, n_frames + 1) / fps
+    problem = CurveProblem(stop - start, (leaving * fps, entering * fps), times, (n_frames + 1) / fps)
+    return np.asarray(start + hermite.curve(problem))
+
+
+def _carry_by_joints(
+    carried: FloatArray, is_leaving: NDArray[np.bool_], rows: NDArray[np.intp], points: Points, window: Clip
+) -> None:
+    """Moves points of ``carried`` (n, P, D) that one word alone shows, at ``rows`` (R,), with their joints.
+
+    is_leaving: (R,) whether the word before shows it.
+    window: the new frames and one on either side.
+    """
+    joints = CACHE.recent(find_anchors, points.layout, window.skeleton, most=8).joints[rows]
+    at = kinematics.forward(window)[1][:, joints]  # (n + 2, R, 3)
+    shift = points.framing.scale * (at[1:-1] - np.where(is_leaving[:, None], at[0], at[-1]))
+    carried[:, rows, 0] += shift[..., 0]
+    carried[:, rows, 1] -= shift[..., 1]
