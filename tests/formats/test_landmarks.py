@@ -330,3 +330,22 @@ def test_a_projected_clip_shows_its_joints(words: dict[str, Clip]) -> None:
     middle = points.values[:, shoulders].mean(axis=1)
     offset = (points.values[:, [left, right]] - middle[:, None]) / points.framing.scale
     assert np.allclose(offset * (1.0, -1.0, -1.0), at, atol=1e-3)
+
+
+def test_words_are_cut_between_their_rise_and_their_fall(seen: dict[str, Clip]) -> None:
+    """Rest before the belly, where the network takes tremor for strokes: the hands of a dictionary on video."""
+    generator = np.random.default_rng(0)
+    clips = []
+    for word in ("HELLO", "MOTHER", "YES"):
+        points = seen[word].points
+        assert points is not None
+        noise = generator.normal(0.0, 1.0, points.values.shape).astype(np.float32)
+        clips.append(pose.clip_of(HOLISTIC, points.values + noise, points.confidence, 30.0, word))
+    result = ss.splice(clips)
+    heights = wrists(result.clip)[..., 1].max(axis=1)
+    for span in result.spans[1:-1]:
+        if span.kind == "transition":
+            start, stop = span.output
+            ends = min(heights[start - 1], heights[stop])
+            assert heights[start:stop].min() > ends - 0.05, "the arms do not drop between the words"
+            assert ends > -0.25, "nor do the words end at rest"

@@ -403,15 +403,30 @@ class LearnedCutter(Cutter):
         return leave_scores, enter_scores
 
 
+_RISE = 0.25
+"""Speed of the higher hand from which on it rises or sinks, arm lengths/s."""
+_LONGEST_RISE = 10
+"""Largest number of frames for which it does so between rest and a stroke."""
+
+
 def _between_rests(reading: WordReading) -> WordReading:
-    """Returns a reading whose stroke lies while arms are away from rest, without the preparation and retraction there.
-    In dictionaries on video hands rest before the belly, where the network takes the detector's tremor for strokes.
+    """Returns a reading whose stroke begins after the hands' rise from rest and ends before they sink to it. In
+    dictionaries on video hands rest before the belly, where the network takes the detector's tremor for strokes.
     """
     if reading.stroke is None:
         return reading
     start, stop = max(reading.stroke[0], reading.active[0]), min(reading.stroke[1] + 1, reading.active[1])
     kept = np.flatnonzero(~features.are_on_the_way(reading.phases[start:stop]))
-    return replace(reading, stroke=(start + int(kept[0]), start + int(kept[-1]))) if len(kept) else reading
+    if not len(kept):
+        return reading
+    start, stop = start + int(kept[0]), start + int(kept[-1])
+    rises = np.diff(reading.wrists[..., 1].max(axis=1)) * FEATURE_FPS
+    first, last = start, stop
+    while first < min(start + _LONGEST_RISE, last) and rises[first] > _RISE:
+        first += 1
+    while last > max(stop - _LONGEST_RISE, first) and rises[last - 1] < -_RISE:
+        last -= 1
+    return replace(reading, stroke=(first, last))
 
 
 def _word_end(reading: WordReading, scores: FloatArray) -> WordEnd:
