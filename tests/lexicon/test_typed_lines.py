@@ -157,7 +157,7 @@ def test_what_cannot_be_said_silences_nothing_else(lexicons: dict[str, Lexicon])
     tokens = parse("HELLO fs-ñあ 你好 HELLO#9 \N{WAVING HAND SIGN} FRIEND x", lex)
     assert [token.glosses for token in tokens] == [("HELLO",), (), (), (), (), ("FRIEND",), ("fs-X",)]
     assert all("left out" in token.warning for token in tokens[1:5])
-    assert count_words(tokens) == "2 of 7 words signed, 1 spelled, 4 left out"
+    assert count_words(tokens) == "2 of 7 words signed, 1 spelled (1 letter), 4 left out"
     assert count_words(tokens[:1]) == ""
     with pytest.raises(UnknownGlossError, match="你好"):
         parse("你好 fs-あ", lex)

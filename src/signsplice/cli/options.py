@@ -60,7 +60,13 @@ READING = combine_options(
         "--drop-function-words",
         "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
     ),
-    preset("--language", "en", "CODE", 'Language of the words, for inflections and numbers: en, de, fr; "" for none.'),
+    preset(
+        "--language",
+        "en",
+        "CODE",
+        'Language of the words (en, de, fr; "" for none), of the signs and letters (ase, gsg, dse), or both (en-gsg).',
+    ),
+    flag("--one-language", "Refuse signs of several languages, or of another than --language names, with an error."),
 )
 SEEDS = click.IntRange(0, 2**63 - 1)
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=SEEDS)

@@ -19,8 +19,17 @@ from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.languages import read_languages
 from signsplice.lexicon.lexicon import open_lexicon
-from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, split_words, token_glosses
+from signsplice.lexicon.sentence import (
+    LineGloss,
+    SentenceToken,
+    line_glosses,
+    line_warnings,
+    parse,
+    split_words,
+    token_glosses,
+)
 from signsplice.motion import Clip
 from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
@@ -174,7 +183,7 @@ def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None)
     glosses = token_glosses(_units(request.text or " ".join(request.glosses or ()), request, request.compounds))
     stored = [_worker.lexicon.entry(gloss) for gloss in glosses if _worker.lexicon.lists(gloss)]
     fps = request.fps or min((entry.fps for entry in stored), default=scene.FILM_FPS)
-    seconds = _LEAST_SECONDS["form"] * (len(glosses) - len(stored))
+    seconds = _LEAST_SECONDS["form"] * len({gloss for gloss in glosses if not _worker.lexicon.lists(gloss)})
     least = sum(_LEAST_SHARES[entry.kind] * entry.seconds for entry in stored) / request.sign_speed
     n_joints = len(_worker.clip(stored[0].gloss).skeleton) if stored and request.avatar is None else 0
     seconds += _check_work(len(glosses), n_joints, least, sum(entry.seconds for entry in stored), fps, request, file)
@@ -225,7 +234,7 @@ def splice_glosses(
     token_glosses(units)  # raises if every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
     words = words_of(units, _worker.clip, request.pauses, _worker.owns)
-    return _answer(words, request, file, units, avatar)
+    return _answer(words, request, file, units, avatar, line_warnings(units, request.language))
 
 
 def splice_files(
@@ -260,6 +269,7 @@ def _answer(
     file: str | None,
     units: Sequence[SentenceToken],
     avatar: Avatar | None = None,
+    warnings: Sequence[str] = (),
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or words[0].clip.fps
     seconds = sum(word.clip.seconds for word in words) / request.sign_speed
@@ -267,6 +277,7 @@ def _answer(
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(words, options(request))
+    result = replace(result, warnings=(*warnings, *result.warnings))
     n_joints = len(result.clip.skeleton) if avatar is None else 0
     _check_work(len(words), n_joints, result.clip.seconds, seconds * request.sign_speed, fps, request, file)
     if avatar is not None:
@@ -295,11 +306,12 @@ def options(dials: wire.Dials) -> SpliceOptions:
 def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
     """Parse a line of glosses. Raises ``InputError``, also for more words or letters than a sentence may have."""
     limit, lexicon = _worker.settings.max_glosses, _worker.lexicon
-    n_words = len(split_words(text, lexicon.__contains__, wanted.language))
+    n_words = len(split_words(text, lexicon.__contains__, read_languages(wanted.language)[0]))
     if n_words > limit:  # before look-up, which is slow for many words
         raise InputError(f"{n_words} words, expected at most {limit}")
     try:
-        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words, wanted.language)
+        drops, languages = wanted.drop_function_words, (wanted.language, wanted.one_language)
+        units = parse(text, lexicon, wanted.spell, compounds, drops, *languages)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
@@ -334,7 +346,8 @@ def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[st
     words = line_glosses(units)
     if not opening.pauses:
         words = [replace(word, pause=None) for word in words]
-    warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
+    said = [*(unit.warning for unit in units if unit.warning), *line_warnings(units, opening.language)]
+    warnings = [{"type": "warning", "warning": warning} for warning in said]
     return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
-from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.gloss import letter_of
 from signsplice.motion import Clip, FloatArray, copy_unchecked, rotation
 from signsplice.rig.info import Arms, active_span, arms, hands_in_trunk_axes, rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
@@ -90,7 +90,7 @@ MOVEMENTS = LetterMovements()
 
 def letter(clip: Clip) -> str:
     """Returns the letter in a clip's name, in upper case."""
-    return clip.name[len(LETTER_MARK) :].upper()
+    return letter_of(clip.name)
 
 
 def spelling_side(before: Arms, pre: int, after: Arms, post: int) -> int | None:
