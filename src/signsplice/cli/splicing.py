@@ -39,6 +39,7 @@ from signsplice.cli.options import (
     LEXICONS,
     READING,
     SEEDS,
+    GroupedCommand,
     combine_options,
     flag,
     option,
@@ -119,7 +120,7 @@ _splicing_options = combine_options(
 """Options shared by ``splice`` and ``sentence``."""
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @reads_faces
 @_splicing_options
@@ -140,7 +141,7 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
     target.deliver(result, load_ms)
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
 @option(
@@ -322,7 +323,7 @@ class _Target:
         print(summary + f"; {count}" * bool(count))
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("clip", metavar="CLIP")
 @option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
@@ -368,4 +369,4 @@ def demo(out: str) -> None:
     print(*lines, sep="\n")
 
 
-COMMANDS = (splice, sentence, inbetween, methods, demo)
+COMMANDS = (demo, sentence, splice, inbetween, methods)
