@@ -2,8 +2,8 @@
 
     python workshop/runs/recorded_letters.py FOLDER     # index.csv and files of pose-format 0.2 with MediaPipe's hands
 
-A finger's stretch is the distance from its first joint to its tip over the length of its bones: 1 if straight, about
-0.4 in a fist. Recorded letters are the median of the stiller half of the frames in which a hand is seen; their depth is
+A finger's stretch is the distance from its first joint to its tip over the length of its bones: 1 if straight, about 0.4
+in a fist. Recorded letters are the median of the stiller half of the frames in which a hand is seen; their depth is
 MediaPipe's estimate. American letters are compared with those of alphabet.signs, Greek ones, which are not written here,
 with every handshape that a letter has.
 """
@@ -14,6 +14,7 @@ import csv
 import struct
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,14 +31,14 @@ def read_hands(path: Path) -> FloatArray:
     """Returns the landmarks (T, 21, 3) of the hand that is seen most, in frames in which it is seen."""
     content, offset = path.read_bytes(), 0
 
-    def take(form: str) -> tuple[float, ...]:
+    def take(form: str) -> tuple[Any, ...]:
         nonlocal offset
         values = struct.unpack_from(f"<{form}", content, offset)
         offset += struct.calcsize(f"<{form}")
         return values
 
     def text() -> str:
-        return bytes(take(f"{take('H')[0]}s")[0]).decode()  # type: ignore[arg-type]
+        return str(take(f"{take('H')[0]}s")[0], "utf-8")
 
     take("fHHH")  # version, width, height, depth
     parts: list[tuple[str, int]] = []
@@ -91,19 +92,16 @@ def main() -> None:
         if row["signed_language"] == "ase":
             error = written[letter] - recorded
             all_errors.append(error)
-            differing = [
-                f"{FINGERS[n]} {written[letter][n]:.2f}/{recorded[n]:.2f}"
-                for n in np.flatnonzero(abs(error) > DIFFERENT)
-            ]
+            far = np.flatnonzero(abs(error) > DIFFERENT)
+            differing = [f"{FINGERS[n]} {written[letter][n]:.2f}/{recorded[n]:.2f}" for n in far]
             print(letter, "differs, ours/recorded: " + ", ".join(differing) if differing else "agrees")
         else:
             errors = {name: float(abs(value - recorded).max()) for name, value in written.items()}
             best = min(errors, key=lambda name: errors[name])
             nearest.append((letter, best, errors[best]))
     fractions = np.mean(np.abs(all_errors) <= DIFFERENT, axis=0)
-    print(
-        f"fingers that agree: {dict(zip(FINGERS, fractions.round(2).tolist(), strict=True))}, median {np.median(np.abs(all_errors)):.2f}"
-    )
+    shares = dict(zip(FINGERS, fractions.round(2).tolist(), strict=True))
+    print(f"fingers that agree: {shares}, median difference {np.median(np.abs(all_errors)):.2f}")
     print("Greek:", ", ".join(f"{letter} {best} {error:.2f}" for letter, best, error in nearest))
     print(f"{sum(error <= DIFFERENT for *_, error in nearest)} of {len(nearest)} Greek letters have an American shape")
 
