@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from conftest import random_clip
+from hypothesis import given
+from hypothesis import strategies as st
 
 import signsplice as ss
 from signsplice import lexicon
@@ -48,6 +51,14 @@ def test_a_code_names_a_spoken_or_a_signed_language_or_both(code: str, languages
 def test_other_codes_are_refused(code: str) -> None:
     with pytest.raises(InputError, match="expected that of the words"):
         read_languages(code)
+
+
+@given(st.text(max_size=12) | st.from_regex("(sgn-)?[a-zA-Z]{1,4}(-[a-z]{1,4})?", fullmatch=True))
+def test_any_code_is_read_or_refused(code: str) -> None:
+    with suppress(InputError):
+        spoken, signed = read_languages(code)
+        assert len(spoken) in (0, 2, 3)
+        assert len(signed) in (0, 3)
 
 
 @pytest.mark.parametrize("language", ALPHABETS)

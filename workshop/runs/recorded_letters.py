@@ -2,10 +2,10 @@
 
     python workshop/runs/recorded_letters.py FOLDER     # index.csv and files of pose-format 0.2 with MediaPipe's hands
 
-A finger's stretch is the distance from its first joint to its tip over the length of its bones: 1 if straight, about 0.4
-in a fist. Recorded letters are the median of the stiller half of the frames in which a hand is seen; their depth is
-MediaPipe's estimate. American letters are compared with those of alphabet.signs, Greek ones, which are not written here,
-with every handshape that a letter has.
+A finger's stretch is the distance from its first joint to its tip over the length of its bones: 1 if straight, about
+0.4 in a fist. Recorded letters are the median of the stiller half of the frames in which a hand is seen; their depth
+is MediaPipe's estimate. American letters are compared with those of alphabet.signs, Greek ones, which are not written
+here, with every handshape that a letter has.
 """
 
 from __future__ import annotations

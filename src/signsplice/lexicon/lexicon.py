@@ -19,16 +19,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon.gloss import Entry, Suggestions, fold, gloss_of, kind_of, plain, readings
 from signsplice.lexicon.languages import ALPHABETS, read_languages
-from signsplice.lexicon.store import (
-    BUILD_HINT,
-    LANGUAGE,
-    OWNS,
-    REBUILD,
-    SourceWord,
-    StoredWords,
-    language_text,
-    owns_extension,
-)
+from signsplice.lexicon.store import BUILD_HINT, OWNS, REBUILD, SourceWord, StoredWords, owns_extension
 from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
 from signsplice.rig.roles import CHANNELS
@@ -218,8 +209,7 @@ class Lexicon:
         """Return the code of the signed language of a word, for a gloss or synonym; where nothing names it, that with
         which the lexicon was opened, else an empty text. Raises ``UnknownGlossError``.
         """
-        word = self._word(gloss)
-        return language_text(word.extensions().get(LANGUAGE, b"")) or word.language or self._given_language
+        return self._word(gloss).signed_language() or self._given_language
 
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Return up to ``n`` glosses and synonyms most similar to ``gloss``: first those that contain it between
@@ -333,7 +323,24 @@ class SignedWords(Source, Generic[SignT]):
         return prepare(clip, "float32").entry(gloss, kind_of(gloss), (), signer, source), clip
 
 
-class FormsOfSigns(SignedWords["Sign"]):
+class SignsInNotation(SignedWords["Sign"]):
+    """Signs that the package holds in notation."""
+
+    def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
+        """Return the clip of a sign, its signer and its source."""
+        from signsplice.signer import planner
+
+        signed_word = planner.synthesize_word(sign)
+        return signed_word.clip, signed_word.signer.name, sign.source
+
+    def owned_channels(self, sign: Sign) -> frozenset[str]:
+        """Return the channels that are a sign's own."""
+        from signsplice.signer import phonology
+
+        return phonology.owned_channels(sign)
+
+
+class FormsOfSigns(SignsInNotation):
     """All forms that ``signer.inflection`` makes of the shipped signs: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
 
     words: the shipped words, whose skeleton the clips of forms share.
@@ -367,28 +374,27 @@ class FormsOfSigns(SignedWords["Sign"]):
 
     def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
         """Return the clip of a form, named by its gloss (2-GIVE-1)."""
-        from signsplice.signer import planner
-
-        words, signed_word = Lexicon(self._words), planner.synthesize_word(sign)
-        clip = copy_unchecked(signed_word.clip, skeleton=words.clip(words.glosses[0]).skeleton)
-        return clip, signed_word.signer.name, sign.source
-
-    def owned_channels(self, sign: Sign) -> frozenset[str]:
-        """Return the channels that are a form's own."""
-        from signsplice.signer import phonology
-
-        return phonology.owned_channels(sign)
+        words, (clip, signer, source) = Lexicon(self._words), super().make_clip(sign)
+        return copy_unchecked(clip, skeleton=words.clip(words.glosses[0]).skeleton), signer, source
 
 
-class ShippedLetters(SignedWords["Sign"]):
+class ShippedLetters(SignsInNotation):
     """The letters and digits of the manual alphabets that ship in notation (``languages.ALPHABETS``): fs-A@GSG."""
 
     def __init__(self) -> None:
         super().__init__(SHIPPED)
-        self._alphabet = lru_cache(self._read_alphabet)
 
     def __reduce__(self) -> tuple[type[ShippedLetters], tuple[()]]:
         return type(self), ()
+
+    @cached_property
+    def _signs(self) -> dict[str, Sign]:
+        from signsplice.signer import notation
+
+        signs = [(code, sign) for code in ALPHABETS for sign in notation.alphabet(code).values()]
+        return {
+            fold(f"{sign.gloss}@{code}"): replace(sign, gloss=f"{sign.gloss}@{code.upper()}") for code, sign in signs
+        }
 
     def find(self, name: str) -> SourceWord | None:
         """Return the letter with this gloss, or None."""
@@ -397,28 +403,7 @@ class ShippedLetters(SignedWords["Sign"]):
 
     def find_sign(self, name: str) -> Sign | None:
         """Return the letter with this gloss, or None."""
-        letter, _, language = name.rpartition("@")
-        return self._alphabet(language.lower()).get(fold(letter)) if language.lower() in ALPHABETS else None
-
-    @staticmethod
-    def _read_alphabet(language: str) -> dict[str, Sign]:
-        from signsplice.signer import notation
-
-        signs = notation.alphabet(language).values()
-        return {fold(sign.gloss): replace(sign, gloss=gloss_of(f"{sign.gloss}@{language}")) for sign in signs}
-
-    def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
-        """Return the clip of a letter."""
-        from signsplice.signer import planner
-
-        signed_word = planner.synthesize_word(sign)
-        return signed_word.clip, signed_word.signer.name, sign.source
-
-    def owned_channels(self, sign: Sign) -> frozenset[str]:
-        """Return the channels that are a letter's own."""
-        from signsplice.signer import phonology
-
-        return phonology.owned_channels(sign)
+        return self._signs.get(fold(name))
 
 
 class WrittenWords(SignedWords["WrittenSign"]):

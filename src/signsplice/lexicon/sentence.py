@@ -282,17 +282,15 @@ def line_warnings(tokens: Sequence[SentenceToken], language: str = "") -> list[s
     words, and at least two, are spelled. ``language``: as in ``parse``.
     """
     mixed = mixed_languages(tokens, read_languages(language)[1])
-    n_spelled, n_words = len(list_spelled_words(tokens)), _count_words(tokens)
-    spelled = f"{n_spelled} of {n_words} words are spelled, letter by letter ({_count_letters(tokens)} letters)"
+    n_spelled, (n_words, n_letters) = len(list_spelled_words(tokens)), _count_words(tokens)
+    spelled = f"{n_spelled} of {n_words} words are spelled, letter by letter ({n_letters} letters)"
     return [*filter(None, (mixed, spelled * (n_spelled > max(1, n_words / 2))))]
 
 
-def _count_words(tokens: Sequence[SentenceToken]) -> int:
-    return sum(len(token.token.split()) for token in tokens)
-
-
-def _count_letters(tokens: Sequence[SentenceToken]) -> int:
-    return sum(len(token.glosses) for token in tokens if token.spelled)
+def _count_words(tokens: Sequence[SentenceToken]) -> tuple[int, int]:
+    """Return the number of words of tokens, and of letters that spell them."""
+    n_letters = sum(len(token.glosses) for token in tokens if token.spelled)
+    return sum(len(token.token.split()) for token in tokens), n_letters
 
 
 def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
@@ -311,7 +309,7 @@ def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
 def count_words(tokens: Sequence[SentenceToken]) -> str:
     """Return how many words are signed, spelled and left out; empty if all are signed."""
     spelled, left_out = len(list_spelled_words(tokens)), sum(not token.glosses for token in tokens)
-    n_words, n_letters = _count_words(tokens), _count_letters(tokens)
+    n_words, n_letters = _count_words(tokens)
     counts = f"{n_words - spelled - left_out} of {n_words} words signed"
     counts += f", {spelled} spelled ({n_letters} letter{'s' * (n_letters != 1)})" * bool(spelled)
     return counts + f", {left_out} left out" * bool(left_out) if spelled or left_out else ""
@@ -393,7 +391,7 @@ def _token(
     """Return how a word is signed; with a warning and without glosses if the lexicon has neither sign nor letters."""
     word = words[at]
     kept = word.meant or (_drop_function_word(words, at) if drops else word.text)
-    read = _resolve_text(kept, letters, spell, language) if kept else SentenceToken(word.text or word.typed, ())
+    read = _resolve_text(kept, letters, spell, language) if kept else SentenceToken(word.text or word.left_out, ())
     if kept != word.text:
         note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
         read = replace(read, token=word.text, note=note)

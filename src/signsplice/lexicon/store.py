@@ -131,6 +131,10 @@ class SourceWord:
     extensions: Callable[[], dict[str, bytes]] = dict
     language: str = ""
 
+    def signed_language(self) -> str:
+        """Return the code of its signed language; empty if unknown."""
+        return language_text(self.extensions().get(LANGUAGE, b"")) or self.language
+
 
 class Index:
     """An index open for reading; thread-safe. Raises ``InputError`` if it is missing, foreign, of a newer version or
@@ -257,23 +261,9 @@ class Index:
                 raise ValueError("a mark is neither 0 nor 1")
             names = json.loads(synonyms)
             check_type(names, list[str], "synonyms")
-            entry_values = (
-                gloss,
-                kind,
-                tuple(names),
-                fps,
-                n_frames,
-                signer,
-                source,
-                bool(checked),
-                before,
-                after,
-                digest,
-            )
-            entry, clip_location = (
-                Entry(*entry_values),
-                ClipLocation(location[0], location[1], location[2], bool(location[3])),
-            )
+            facts = (tuple(names), fps, n_frames, signer, source, bool(checked), before, after, digest)
+            entry = Entry(gloss, kind, *facts)
+            clip_location = ClipLocation(location[0], location[1], location[2], bool(location[3]))
             _check_types(entry)
             _check_types(clip_location)
             _check_entry(entry)
