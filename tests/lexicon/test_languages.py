@@ -21,6 +21,7 @@ from signsplice.lexicon.gloss import is_letter, letter_of
 from signsplice.lexicon.languages import ALPHABETS, read_languages
 from signsplice.lexicon.sentence import line_warnings, parse
 from signsplice.signer import checks, notation, planner
+from signsplice.splicing.letters import cut_letters
 
 LATIN = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 SIGNS = Path(__file__).resolve().parents[1] / "synth" / "written_signs.sigml"
@@ -145,3 +146,17 @@ def test_a_build_stores_the_language_of_its_words(tmp_path: Path) -> None:
         lexicon.build(tmp_path / "clips", tmp_path / "lex")
     with pytest.raises(InputError, match="language 'english'"):
         lexicon.build(tmp_path / "clips", tmp_path / "lex", language="english")
+
+
+def test_doubled_letters_of_german_and_dutch_slide_and_movements_are_kept_whole() -> None:
+    with ss.open_lexicon() as words:
+        for name, slides in {"fs-S": False, "fs-S@gsg": True, "fs-A@dse": True, "fs-A@ase": False}.items():
+            clip = words.clip(name)
+            cut = cut_letters(clip, clip, 0, 0.0)
+            assert cut is not None
+            assert (cut.is_doubled, cut.slides) == (True, slides), name
+        moved, still = words.clip("fs-Ö@gsg"), words.clip("fs-O@gsg")
+        held = [cut_letters(clip, words.clip("fs-B@gsg"), 20, 0.1) for clip in (moved, still)]
+    assert held[0] is not None
+    assert held[1] is not None
+    assert held[0].cut.pre > held[1].cut.pre + 0.2 * moved.fps
