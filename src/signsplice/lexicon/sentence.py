@@ -114,7 +114,7 @@ def _words(token: str, language: str) -> tuple[list[TypedWord], str]:
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
         text = plain[match.start() : match.end()]
         if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a prefix without a word
-            words.append(TypedWord("", token, f"{text}-"))
+            words.append(TypedWord("", f"{text}-", f"{text}-"))
             continue
         is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
         parts = [*_number_parts(text, token, language), *symbols, *_symbols(plain[gap], token)]
@@ -391,7 +391,7 @@ def _token(
     """Return how a word is signed; with a warning and without glosses if the lexicon has neither sign nor letters."""
     word = words[at]
     kept = word.meant or (_drop_function_word(words, at) if drops else word.text)
-    read = _resolve_text(kept, letters, spell, language) if kept else SentenceToken(word.text or word.left_out, ())
+    read = _resolve_text(kept, letters, spell, language) if kept else SentenceToken(word.text or word.typed, ())
     if kept != word.text:
         note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
         read = replace(read, token=word.text, note=note)
