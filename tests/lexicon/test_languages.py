@@ -94,6 +94,8 @@ def test_a_word_is_spelled_in_the_alphabet_of_its_sentence(words: dict[str, Lexi
         assert parse("zoë", shipped)[0].glosses == ("fs-Z", "fs-O", "fs-E")
         assert parse("zoë", shipped, language="dse")[0].glosses == ("fs-Z@DSE", "fs-O@DSE", "fs-E@DSE")
         hello, zoe = parse("hello zoe fs-B", shipped, language="gss")[:2]
+        marked = parse("fs-a@gsg, hello@gsg", shipped)
+    assert [(token.glosses, token.pause) for token in marked[:2]] == [(("fs-A@GSG",), ","), (("HELLO",), "")]
     assert (hello.language, zoe.glosses) == ("ase", ())
     assert "no letters of gss for it" in zoe.warning
     assert parse("Haus zoe", words["none"])[1].glosses == (), "its language is unknown, and so is its alphabet"

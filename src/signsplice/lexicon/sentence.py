@@ -32,8 +32,8 @@ _ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fr
 _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
 """A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
 and hyphens between them, or points and commas between digits."""
-_NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
-"""GLOSS#2, its gloss, and punctuation."""
+_NUMBERED = re.compile(r"((.+)#\d+|.+@[a-z]{3})(\W*)", re.IGNORECASE)
+"""GLOSS#2, its gloss, and punctuation; or the gloss of a letter that ships (fs-A@GSG), and punctuation."""
 _ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th|er?|[eè]me|[sd]e|os?|η)", re.IGNORECASE)
 _SYMBOLS = {"$": "dollar", "€": "euro", "£": "pound", "¥": "yen", "%": "percent"}
 """Symbols beside numbers, and the words that they are read as."""
@@ -76,7 +76,7 @@ def split_words(text: str, is_known: Callable[[str], bool], language: str = "en"
             typed_words.append(TypedWord(token, token))
             continue
         numbered = _NUMBERED.fullmatch(token)
-        if numbered and is_known(numbered[2]):
+        if numbered and is_known(numbered[2] or numbered[1]):
             typed_words.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
         words, before = _words(token, language)
