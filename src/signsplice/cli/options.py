@@ -86,10 +86,7 @@ READING = combine_options(
         "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
     ),
     preset(
-        "--language",
-        "en",
-        "CODE",
-        'Language of the words (en, de, fr; "" for none), of the signs and letters (ase, gsg, dse), or both (en-gsg).',
+        "--language", "en", "CODE", 'Of the words (en, de, fr; "" for none), of the signs (ase, gsg), or both (en-gsg).'
     ),
     flag("--one-language", "Refuse signs of several languages, or of another than --language names, with an error."),
 )

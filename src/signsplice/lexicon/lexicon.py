@@ -441,10 +441,7 @@ class WrittenWords(SignedWords["WrittenSign"]):
 
 
 def open_lexicon(
-    path: str | Path | None = None,
-    *others: str | Path | None,
-    fallback: str | Path | None = None,
-    language: str = "",
+    path: str | Path | None = None, *others: str | Path | None, fallback: str | Path | None = None, language: str = ""
 ) -> Lexicon:
     """Open the lexicon in a folder. Without a folder, with the name ``default`` or with the shipped folder, open the
     shipped words with the forms of their signs. ``others`` are added to it; the first lexicon that has a word wins.

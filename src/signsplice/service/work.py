@@ -171,9 +171,8 @@ def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None)
 
     Raises ``InputError`` as it does, and for work that does not fit ``work_seconds``.
     """
-    glosses = sentence.token_glosses(
-        _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    )
+    units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
+    glosses = sentence.token_glosses(units)
     stored = [_worker.lexicon.entry(gloss) for gloss in glosses if _worker.lexicon.lists(gloss)]
     fps = request.fps or min((entry.fps for entry in stored), default=scene.FILM_FPS)
     seconds = _LEAST_SECONDS["form"] * len({gloss for gloss in glosses if not _worker.lexicon.lists(gloss)})
