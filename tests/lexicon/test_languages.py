@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import signsplice as ss
 from signsplice import lexicon
-from signsplice.errors import InputError
+from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import save
 from signsplice.lexicon import Lexicon
 from signsplice.lexicon.gloss import is_letter, letter_of
@@ -94,6 +94,8 @@ def test_a_word_is_spelled_in_the_alphabet_of_its_sentence(words: dict[str, Lexi
         assert parse("zoë", shipped)[0].glosses == ("fs-Z", "fs-O", "fs-E")
         assert parse("zoë", shipped, language="dse")[0].glosses == ("fs-Z@DSE", "fs-O@DSE", "fs-E@DSE")
         hello, zoe = parse("hello zoe fs-B", shipped, language="gss")[:2]
+        with pytest.raises(UnknownGlossError, match="the words that ship, without letters of gss: no gloss 'zoe'"):
+            parse("zoe", shipped, language="gss")
         marked = parse("fs-a@gsg, hello@gsg", shipped)
     assert [(token.glosses, token.pause) for token in marked[:2]] == [(("fs-A@GSG",), ","), (("HELLO",), "")]
     assert (hello.language, zoe.glosses) == ("ase", ())

@@ -256,7 +256,8 @@ def parse(
     if missing and not (spell and any(token.glosses for token in readings)):
         unknown = {token.token: token.suggestions for token in missing if _LEFT_OUT not in token.warning}
         fault = InputError(f"{lexicon.where}: {missing[0].warning.partition(_LEFT_OUT)[0]}")
-        raise UnknownGlossError(unknown, lexicon.where) if unknown else fault
+        where = lexicon.where + f", without letters{letters.of_language}" * bool(letters.of_language)
+        raise UnknownGlossError(unknown, where) if unknown else fault
     if one_language and (mixed := mixed_languages(readings, signed)):
         raise InputError(f"{lexicon.where}: {mixed}, expected one language")
     return readings
