@@ -72,6 +72,21 @@ def test_the_help_explains_a_command_and_its_options(path: str) -> None:
     assert [one.opts for one in options if len((one.help or "").split()) < 2] == []
 
 
+@pytest.mark.parametrize("path", ["splice", "sentence", "inbetween"])
+def test_the_help_of_a_command_that_joins_words_has_groups(path: str) -> None:
+    text = COMMANDS[path].get_help(click.Context(COMMANDS[path], info_name=path))
+    titles = re.findall(r"^(\w.*):$", text, re.MULTILINE)
+    assert titles[-5:] == ["Face and person", "Output", "How clips are read", "For researchers", "Other options"]
+    others = re.findall(r"^ +(-.*?)  ", text.partition("Other options:")[2], re.MULTILINE)
+    assert [line.split()[-1] for line in others] == ["--help"]
+
+
+def test_the_help_lists_commands_in_the_order_of_a_users_day() -> None:
+    names = app.list_commands(click.Context(app, info_name="signsplice"))
+    assert names[:4] == ["demo", "sentence", "splice", "inbetween"]
+    assert names.index("render") < names.index("lexicon") < names.index("bulk") < names.index("bench")
+
+
 def test_the_page_names_no_option_that_there_is_not() -> None:
     known = {
         name

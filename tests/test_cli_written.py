@@ -207,6 +207,23 @@ def test_a_word_of_the_lexicon_is_preferred_to_a_written_one_and_forms_stay(fold
         assert words.entry("MONARCH").source == "table.csv"
 
 
+def test_a_sentence_says_which_languages_it_mixes_and_where_a_word_was_sought(folder: Path) -> None:
+    line = ("sentence", "FRIEND MONARCH", "--fallback", "table.csv", "-o", "a.bvh", "--report", "r.json")
+    done = run(*line, "--language", "dse")
+    assert "warning: signs of other languages than dse: ase (FRIEND)" in done.output
+    report = json.loads(Path("r.json").read_text())
+    assert [unit["language"] for unit in report["units"]] == ["ase", "dse"]
+    assert report["warnings"] == ["signs of other languages than dse: ase (FRIEND)"]
+    refused = run(*line, "--one-language")
+    assert "the words that ship and table.csv: signs of several languages: ase (FRIEND); unnamed (MONARCH)" in str(
+        refused.exception
+    )
+    assert "the words that ship and table.csv: no gloss '你好'" in str(run(*line[:1], "你好", *line[2:]).exception)
+    run("lexicon", "build", "clips", "-o", "lex", "--language", "gsg")
+    words = json.loads(run("lexicon", "list", "lex", "--json").stdout)["words"]
+    assert {word["language"] for word in words} == {"gsg"}
+
+
 def test_a_sentence_takes_the_second_sign_of_a_gloss_by_its_number(folder: Path) -> None:
     run("lexicon", "build", "clips", "table.csv", "-o", "lex")
     done = run("sentence", "HELLO#2 DEAF", "--lexicon", "lex", "-o", "a.bvh", "--report", "r.json")

@@ -53,7 +53,7 @@ def outcome(typed: str) -> tuple[str, str]:
         try:
             tokens = parse(typed, lexicon)
         except InputError as error:
-            return "nothing", "error: " + str(error).removeprefix(f"{lexicon.path}: ").partition("; `")[0]
+            return "nothing", "error: " + str(error).removeprefix(f"{lexicon.where}: ").partition("; `")[0]
     said = [text for token in tokens for text in (token.note, token.warning) if text]
     return " ".join(filter(None, map(shown, tokens))), re.sub(
         "; write fs-[^ ;]+ to mean that(, or drop function words)?", "", "; ".join(said)

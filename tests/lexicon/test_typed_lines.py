@@ -17,7 +17,8 @@ import signsplice as ss
 from signsplice import lexicon
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.lexicon import Lexicon, open_shipped_lexicon
-from signsplice.lexicon.sentence import SentenceToken, count_words, parse
+from signsplice.lexicon.languages import read_languages
+from signsplice.lexicon.sentence import SentenceToken, count_words, line_warnings, parse
 
 TABLE = Path(__file__).resolve().parents[1] / "data" / "typed_lines.tsv"
 SPELLED, LEFT_OUT = "*", "-"
@@ -157,7 +158,7 @@ def test_what_cannot_be_said_silences_nothing_else(lexicons: dict[str, Lexicon])
     tokens = parse("HELLO fs-ñあ 你好 HELLO#9 \N{WAVING HAND SIGN} FRIEND x", lex)
     assert [token.glosses for token in tokens] == [("HELLO",), (), (), (), (), ("FRIEND",), ("fs-X",)]
     assert all("left out" in token.warning for token in tokens[1:5])
-    assert count_words(tokens) == "2 of 7 words signed, 1 spelled, 4 left out"
+    assert count_words(tokens) == "2 of 7 words signed, 1 spelled (1 letter), 4 left out"
     assert count_words(tokens[:1]) == ""
     with pytest.raises(UnknownGlossError, match="你好"):
         parse("你好 fs-あ", lex)
@@ -171,14 +172,23 @@ def test_what_cannot_be_said_silences_nothing_else(lexicons: dict[str, Lexicon])
 
 @given(
     st.text(max_size=60)
-    | st.lists(st.sampled_from(["Grüße ", "3.5", "$", "1,000", "fs-", "#", "é", "-", "👋 ", "ß"])).map("".join)
+    | st.lists(st.sampled_from(["Grüße ", "3.5", "$", "1,000", "fs-", "#", "é", "-", "👋 ", "ß", "SCH", "@gsg"])).map(
+        "".join
+    ),
+    st.sampled_from(["en", "", "el", "gsg", "dse", "gss", "de-ase"]),
 )
-@example("HELLO#9 fs-ñ \u0301 ½ 1,2.3 $é ﷺ")
-def test_any_text_gives_its_words_in_order(text: str) -> None:
-    with open_shipped_lexicon() as lex:
+@example("0:FS-", "en")
+@example("HELLO#9 fs-ñ \u0301 ½ 1,2.3 $é ﷺ", "en")
+@example("fs-ſch Schſch fs-A@gsg ẞ", "gsg")
+def test_any_text_gives_its_words_in_order(text: str, code: str) -> None:
+    with ss.open_lexicon() as lex:
         try:
-            tokens = parse(f"I {text}", lex)
+            tokens = parse(f"I {text}", lex, language=code)
         except UnknownGlossError:
             pytest.fail("a line with a gloss was refused")
+        assert all(gloss in lex for token in tokens for gloss in token.glosses)
+    signed = read_languages(code)[1] or "ase"
+    assert {token.language for token in tokens if token.spelled} <= {signed}
+    assert all(len(line.splitlines()) == 1 for line in line_warnings(tokens, code))
     letters = [c for c in unicodedata.normalize("NFKC", f"I {text}") if c.isalnum()]
     assert [c for token in tokens for c in unicodedata.normalize("NFKC", token.token) if c.isalnum()] == letters

@@ -23,7 +23,7 @@ import generate
 import signsplice as ss
 from other_rigs import on_other_rig
 from reference_poses import arms_out, with_pose
-from serving import PATIENCE_S, stream_client
+from serving import PATIENCE_S, messages_and_close_code, stream_client
 from signing import marked
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
@@ -212,6 +212,25 @@ def test_unknown_glosses_are_answered_with_the_nearest(service: httpx.Client) ->
     assert answer.json()["unknown"]["HELO"][0] == "HELLO"
     assert answer.json()["unknown"]["FREIND"][0] == "FRIEND"
     assert "lexicon/words" not in answer.text, "reveals the lexicon's folder"
+
+
+def test_a_line_of_two_languages_is_warned_of_or_refused(service: httpx.Client) -> None:
+    asked: dict[str, Any] = {"text": "hello Straße schön", "language": "gsg"}
+    mixed, spelled = "signs of other languages than gsg: ase (hello)", "2 of 3 words are spelled, letter by letter"
+    answer = service.post("/v1/sentence", json={**asked, "formats": []}).json()
+    assert [unit["language"] for unit in answer["units"]] == ["ase", "gsg", "gsg"]
+    assert answer["report"]["warnings"][0] == mixed
+    assert answer["report"]["warnings"][1].startswith(spelled)
+    refused = service.post("/v1/sentence", json={**asked, "one_language": True})
+    assert (refused.status_code, refused.json()["error"]) == (422, f"{mixed}, expected one language")
+    for one_language, kind in {False: "warning", True: "error"}.items():
+        with stream_client(service) as socket:
+            socket.send(json.dumps({"type": "open", "paced": False, "language": "gsg", "one_language": one_language}))
+            socket.send(json.dumps({"type": "text", "text": asked["text"]}))
+            socket.send(json.dumps({"type": "end"}))
+            messages, _ = messages_and_close_code(socket)
+        lines = [message[kind] for message in messages if message["type"] == kind]
+        assert [line for line in lines if line.startswith(mixed)], messages
 
 
 def test_lexicon_pages_hold_every_word_once(service: httpx.Client) -> None:

@@ -17,6 +17,7 @@ export interface SentenceToken {
   note: string;
   suggestions: string[];
   pause: string;
+  language: string;
 }
 
 /** Joints of a sign's span that do not show its clip: those of channels that the word does not own, the fingers of a spelled letter that are on their way, the arm of one that slides. */
@@ -106,6 +107,7 @@ export interface SentenceRequest {
   compounds?: boolean;
   drop_function_words?: boolean;
   language?: string;
+  one_language?: boolean;
   pauses?: boolean;
   face_rules?: boolean;
   formats?: ("bvh" | "glb" | "vrma")[];
@@ -233,6 +235,7 @@ export interface OpenMessage {
   compounds?: boolean;
   drop_function_words?: boolean;
   language?: string;
+  one_language?: boolean;
   pauses?: boolean;
   face_rules?: boolean;
 }

@@ -15,7 +15,7 @@ from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.lexicon.lexicon import Lexicon
-from signsplice.lexicon.sentence import SentenceToken, line_glosses, parse
+from signsplice.lexicon.sentence import SentenceToken, line_glosses, line_warnings, parse
 
 _TILE = 100
 """Side of the square tiles of word pairs, words; tiles keep the number of words in successive pairs small."""
@@ -78,6 +78,7 @@ def lines(
     dials: Mapping[str, Any] | None = None,
     drop_function_words: bool = False,
     language: str = "en",
+    one_language: bool = False,
 ) -> tuple[list[pa.RecordBatch], list[str]]:
     """Read a recipe from each line of glosses of a text file that is not blank, as ``sentence`` does. Returns warnings
     for lines of which nothing can be signed, or unknown words are not to be spelled, which become failing rows, and for
@@ -95,9 +96,10 @@ def lines(
             continue
         try:
             spell = bool((dials or {}).get("spell", True))
-            units = parse(line, lexicon, spell, drop_function_words=drop_function_words, language=language)
+            units = parse(line, lexicon, spell, True, drop_function_words, language, one_language)
             tokens = tuple(_tokens(units))
-            warnings += [f"{path}:{number}: {unit.warning[:_LONGEST]}" for unit in units if unit.warning]
+            said = [*(unit.warning for unit in units if unit.warning), *line_warnings(units, language)]
+            warnings += [f"{path}:{number}: {warning[:_LONGEST]}" for warning in said]
         except UnknownGlossError as error:
             tokens = tuple(line.split())
             warnings.append(f"{path}:{number}: {str(error)[:_LONGEST]}")
@@ -115,7 +117,8 @@ def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
     for unit in filter(lambda unit: unit.glosses, units):
         *_, last = islice(glosses, len(unit.glosses))
         letters = [gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses if gloss.startswith(LETTER_MARK)]
-        *before, final = [LETTER_MARK + "".join(letters)] if unit.spelled and letters else unit.glosses
+        is_typable = unit.spelled and letters and "@" not in "".join(letters)
+        *before, final = [LETTER_MARK + "".join(letters)] if is_typable else unit.glosses
         yield from (*before, final + (last.pause or ""))
 
 

@@ -125,6 +125,7 @@ def recipes(
     seed: int,
     drop_function_words: bool,
     language: str,
+    one_language: bool,
     **dials: Any,
 ) -> None:
     """Write recipes: drawn from the signs of a lexicon, or one for each line of glosses in LINES.txt.
@@ -138,7 +139,7 @@ def recipes(
     check_suffix(output)
     check_output(output, [lines])
     ranges, fixed = _ranges(dials)
-    with open_words(*lexicons) as opened:
+    with open_words(*lexicons, language=language) as opened:
         check_apart(output, [source.path for source in opened.sources])
         _check_signers(opened, signers)
         if lines is not None:
@@ -147,7 +148,7 @@ def recipes(
                     f"{lines}: lines are taken as they are, expected no --count, --words, range or second --signer"
                 )
             chosen = fixed | {"seed": seed} | ({"signer": signers[0]} if signers else {})
-            batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words, language)
+            batches, warnings = drawing.lines(lines, opened, chosen, drop_function_words, language, one_language)
             warn(warnings)
             recipe_batches: Iterable[pa.RecordBatch] = batches
         else:

@@ -24,7 +24,7 @@ def app() -> None:
     """Splice mocap clips of sign-language words into one fluent animation."""
 
 
-for _room in (splicing, bench, files, lexicon, synth, bulk, service):
+for _room in (splicing, files, lexicon, service, synth, bulk, bench):  # the order of a user's day, as in --help
     for _command in _room.COMMANDS:
         app.add_command(_command)
 

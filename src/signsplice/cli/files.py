@@ -175,4 +175,4 @@ def render(
     print(f"{output}: {len(clip)} frames, {clip.seconds:.2f} s")
 
 
-COMMANDS = (inspect, convert, render)
+COMMANDS = (render, inspect, convert)

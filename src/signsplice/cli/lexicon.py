@@ -29,6 +29,7 @@ _JOBS = option("--jobs", "N", "Processes.  [default: one a core, for many]", typ
 _LENIENT = flag("--lenient", "Of written signs, leave out what is not understood, with a warning.")
 _STRICT = flag("--strict", "Exit status 1 where a written sign was left out.")
 
+_LANGUAGE = option("--language", "CODE", "Signed language, such as ase, where glosses.csv does not say.", default="")
 _WARNINGS = option("--warnings all_warnings", "FILE", "Write every warning to FILE, one a line.")
 _MOST_WARNINGS = 20
 """If there are more warnings, they are grouped by kind, with the count of each kind."""
@@ -39,6 +40,7 @@ _MOST_WARNINGS = 20
 @_OUTPUT
 @_COMPACT
 @option("--signer", "NAME", "Who signs, where glosses.csv does not say.", default="")
+@_LANGUAGE
 @flag("--skip-broken", "Leave broken clips out, with a warning each.")
 @option("--recipe", "NAME|FILE", "How an archive names its words: see docs/archives.md.", default="")
 @_JOBS
@@ -77,7 +79,7 @@ def ngt(folder: str, output: str, **others: Any) -> None:
             f"{folder}: expected a folder of .sigml files, such as data/dictionaries/NGT/Glosses of performs"
         )
     check_apart(output, [folder])
-    _build((folder,), output, **others)
+    _build((folder,), output, language="dse", **others)
     print("no signer has checked these signs; whether you may pass them on, their licence says")
 
 
@@ -117,7 +119,8 @@ def list_words(path: str | None, search: str | None, as_json: bool) -> None:
         entries = words.search(search or "")
         if as_json:
             head = {"version": 1, "lexicon": str(words.path), "form": words.form, "bytes": words.n_bytes}
-            print(json.dumps(head | {"words": [_facts(entry) for entry in entries]}, indent=2, ensure_ascii=False))
+            rows = [_facts(entry) | {"language": words.language_of(entry.gloss)} for entry in entries]
+            print(json.dumps(head | {"words": rows}, indent=2, ensure_ascii=False))
             return
         for entry in entries:
             print(one_line(_line(entry)))
@@ -201,13 +204,13 @@ def _write_page(words: Lexicon, page: str) -> None:
     print(f"{page}: {sum(bool(fact.doubts) for fact in facts)} of {len(facts)} words are doubtful")
 
 
-def open_words(*paths: str | None, fallback: str | None = None) -> Lexicon:
+def open_words(*paths: str | None, fallback: str | None = None, language: str = "") -> Lexicon:
     """Open the lexicons at ``paths`` as one, by default the shipped one with the forms of its signs, and with the
-    written signs of ``fallback`` for words that all of them lack.
+    written signs of ``fallback`` for words that all of them lack; those of a signed ``language`` come first.
     """
     from signsplice.lexicon import open_lexicon
 
-    return open_lexicon(*paths, fallback=fallback)
+    return open_lexicon(*paths, fallback=fallback, language=language)
 
 
 COMMANDS = (lexicon,)

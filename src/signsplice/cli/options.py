@@ -46,6 +46,31 @@ def two_numbers(text: str, between: str, expected: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
+_GROUPS = {
+    "Words": "lexicons fallback no_spell no_compounds drop_function_words language one_language",
+    "Motion": "gaps transition_time sign_speed tempo no_pauses avoid_collisions onto",
+    "Face and person": "faces face_offset face_rules mouthing free_hand person avatar skin",
+    "Output": "output fps report view size",
+    "How clips are read": "roles rest_frame take input_fps face_fps no_limits",
+    "For researchers": "cutter transition bundle system fill_misses seed",
+}
+"""Title of a part of the help of commands that join words -> the parameters in it."""
+
+
+class GroupedCommand(click.Command):
+    """A command whose help shows its options in ``_GROUPS``."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write every option, under the title of its group."""
+        options = [param for param in self.get_params(ctx) if isinstance(param, click.Option)]
+        records = {option.name: option.get_help_record(ctx) for option in options}
+        groups = {title: [records.pop(name, None) for name in names.split()] for title, names in _GROUPS.items()}
+        for title, rows in {**groups, "Other options": [*records.values()]}.items():
+            if shown := [row for row in rows if row]:
+                with formatter.section(title):
+                    formatter.write_dl(shown)
+
+
 AS_JSON = flag("--json as_json", "Print one JSON document.")
 BUNDLE = option("--bundle", "DIR", "Folder of trained networks.  [default: those that ship]")
 LEXICON = option("--lexicon", "LEX", "Lexicon of the words.  [default: the one that ships]")
@@ -60,7 +85,10 @@ READING = combine_options(
         "--drop-function-words",
         "Leave out a, an, the, am, is, are, was, were, be, and do before a pronoun: ASL has no signs for them.",
     ),
-    preset("--language", "en", "CODE", 'Language of the words, for inflections and numbers: en, de, fr; "" for none.'),
+    preset(
+        "--language", "en", "CODE", 'Of the words (en, de, fr; "" for none), of the signs (ase, gsg), or both (en-gsg).'
+    ),
+    flag("--one-language", "Refuse signs of several languages, or of another than --language names, with an error."),
 )
 SEEDS = click.IntRange(0, 2**63 - 1)
 SEED = preset("--seed", 0, "N", "Seed of the draw.", type=SEEDS)

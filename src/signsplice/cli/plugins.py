@@ -61,7 +61,7 @@ class OpenGroup(click.Group):
         """Return the names of all commands, in order."""
         group = _words(ctx)
         plugin_names = (words.removeprefix(group) for words in ELSEWHERE if words.startswith(group))
-        return sorted({*super().list_commands(ctx), *(name for name in plugin_names if " " not in name)})
+        return [*dict.fromkeys([*self.commands, *sorted(name for name in plugin_names if " " not in name)])]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command of this distribution or of another."""

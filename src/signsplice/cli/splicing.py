@@ -39,6 +39,7 @@ from signsplice.cli.options import (
     LEXICONS,
     READING,
     SEEDS,
+    GroupedCommand,
     combine_options,
     flag,
     option,
@@ -119,7 +120,7 @@ _splicing_options = combine_options(
 """Options shared by ``splice`` and ``sentence``."""
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("clips", nargs=-1, required=True, metavar="A.bvh B.bvh [C.bvh ...]")
 @reads_faces
 @_splicing_options
@@ -140,7 +141,7 @@ def splice(clips: tuple[str, ...], faces: tuple[str, ...], face_offset: float, *
     target.deliver(result, load_ms)
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("glosses", nargs=-1, required=True, metavar='"GLOSS GLOSS ..."')
 @LEXICONS
 @option(
@@ -174,6 +175,7 @@ def sentence(
     no_compounds: bool,
     drop_function_words: bool,
     language: str,
+    one_language: bool,
     no_pauses: bool,
     face_rules: bool | None,
     mouthing: str | None,
@@ -182,7 +184,7 @@ def sentence(
 ) -> None:
     """Sign a line of glosses with the words of a lexicon."""
     from signsplice.formats.roles import with_roles
-    from signsplice.lexicon.sentence import count_words, list_spelled_words, parse, token_glosses
+    from signsplice.lexicon.sentence import count_words, line_warnings, list_spelled_words, parse, token_glosses
     from signsplice.splicing import engine
     from signsplice.splicing.faces import RULES
     from signsplice.splicing.word import words_of
@@ -191,10 +193,11 @@ def sentence(
     read = partial(_splice_options, face_rules=RULES if has_rules else (), mouthing=mouthing)
     target, options = _begin(read, [fallback, mouthing], output, **others)
     began = time.perf_counter()
-    with open_words(*lexicons, fallback=fallback) as words:
+    with open_words(*lexicons, fallback=fallback, language=language) as words:
         for path in (output, target.report or output):
             check_apart(path, [source.path for source in words.sources])
-        units = parse(" ".join(glosses), words, not no_spell, not no_compounds, drop_function_words, language)
+        spell, compounds = not no_spell, not no_compounds
+        units = parse(" ".join(glosses), words, spell, compounds, drop_function_words, language, one_language)
         clips = {gloss: words.clip(gloss) for gloss in dict.fromkeys(token_glosses(units))}
         owns = {gloss: words.owns(gloss) for gloss in clips}
     if (roles := read_as().roles) is not None:
@@ -205,6 +208,7 @@ def sentence(
     warn(unit.warning for unit in units if unit.warning)
     result = engine.splice(words_of(units, clips.__getitem__, not no_pauses, owns.get), options)
     _note_rates(clips.values(), result, options)
+    result = replace(result, warnings=(*line_warnings(units, language), *result.warnings))
     report_keys = {"units": [asdict(unit) for unit in units], "spelled": list_spelled_words(units)}
     target.deliver(result, load_ms, report_keys, count_words(units))
 
@@ -319,7 +323,7 @@ class _Target:
         print(summary + f"; {count}" * bool(count))
 
 
-@click.command()
+@click.command(cls=GroupedCommand)
 @click.argument("clip", metavar="CLIP")
 @option("--gap gaps", "A:B", "Frames A..B-1 to make anew; may be repeated.", multiple=True, required=True)
 @_joining_options
@@ -365,4 +369,4 @@ def demo(out: str) -> None:
     print(*lines, sep="\n")
 
 
-COMMANDS = (splice, sentence, inbetween, methods, demo)
+COMMANDS = (demo, sentence, splice, inbetween, methods)

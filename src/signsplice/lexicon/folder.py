@@ -22,6 +22,7 @@ from signsplice.formats.live_link import with_face_of
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits
 from signsplice.lexicon.builder import Builder, MakeCard, PreparedWord, SharedSkeletons, building, check_target, prepare
 from signsplice.lexicon.gloss import Entry, gloss_of
+from signsplice.lexicon.languages import check_signed
 from signsplice.lexicon.recordings import WordFile, find_word_files, gather, unread
 from signsplice.lexicon.store import owns_extension
 from signsplice.motion import Clip
@@ -106,6 +107,7 @@ def build(
     *,
     compact: bool = False,
     signer: str = "",
+    language: str = "",
     roles: Mapping[str, str] | None = None,
     skip_broken: bool = False,
     recipe: str = "",
@@ -119,7 +121,8 @@ def build(
     """Build a lexicon at ``output`` from every clip below folders, and from files or folders of written signs (SiGML,
     HamNoSys), with few clips in memory at a time.
 
-    compact: int16 rotations, half the size. signer: of clips for which the table names none. roles: role -> joint name,
+    compact: int16 rotations, half the size. signer: of clips for which the table names none. language: code of the
+    signed language of words for which the table names none, such as ase; empty if unknown. roles: role -> joint name,
     for rigs that are not recognised by joint names. skip_broken: leave out broken clips, with a line each. recipe: of
     an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: files that do not fit are left out, and a
     stopped build resumes. lenient: leave out unknown parts of a written sign, with a warning. jobs: number of
@@ -131,6 +134,7 @@ def build(
     Raises ``InputError``, also if input and output lie in each other; then ``output`` is unchanged.
     """
     check_target(output)
+    check_signed(language)
     folders, written = _folders_and_written(inputs)
     form = "int16" if compact else "float32"
     signs, refused = _read_written_signs(written, lenient)
@@ -155,7 +159,7 @@ def build(
         ):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
-                entry = _add_clip(builder, word, file)
+                entry = _add_clip(builder, word, file, language)
                 n_letters += entry.kind == "letter"
                 rigs[entry.gloss] = word.skeleton
             elif skip_broken or recipe:
@@ -169,7 +173,7 @@ def build(
         for sign, word in _prepare_signs(signs, form, lenient, jobs, progress, make_card):
             if isinstance(word, PreparedWord):
                 warnings += word.warnings
-                _add_written_sign(builder, word, sign, signer, lenient)
+                _add_written_sign(builder, word, sign, signer, language, lenient)
             else:
                 leave_out(word)
         warnings += _role_lines(output, rigs)
@@ -310,21 +314,23 @@ def _prepare_sign(sign: WrittenSign, form: str, lenient: bool, make_card: MakeCa
         return str(error)
 
 
-def _add_clip(builder: Builder, word: PreparedWord, file: WordFile) -> Entry:
+def _add_clip(builder: Builder, word: PreparedWord, file: WordFile, language: str) -> Entry:
     """Add the word of a clip, as its row of the table names it, and return its entry."""
     row = file.row
     return builder.add(
         word, row.gloss, kind=row.kind, synonyms=row.synonyms, signer=row.signer, source=row.source,
-        checked=row.checked, extensions=owns_extension(row.owns),
+        checked=row.checked, extensions=owns_extension(row.owns, row.language or language),
     )  # fmt: skip
 
 
-def _add_written_sign(builder: Builder, word: PreparedWord, sign: WrittenSign, signer: str, lenient: bool) -> None:
+def _add_written_sign(
+    builder: Builder, word: PreparedWord, sign: WrittenSign, signer: str, language: str, lenient: bool
+) -> None:
     """Add the word of a written sign under the next free gloss."""
     from signsplice.written import signing
 
     gloss, source = builder.free(gloss_of(sign.gloss)), Path(sign.where.file).name
-    extensions = owns_extension(signing.owned_channels(sign, lenient))
+    extensions = owns_extension(signing.owned_channels(sign, lenient), language)
     builder.add(word, gloss, signer=signer, source=source, extensions=extensions)
 
 

@@ -16,6 +16,10 @@ from signsplice.errors import InputError
 KINDS = ("sign", "letter")
 LETTER_MARK = "fs-"
 """Prefix of the glosses of letters: fs-A."""
+JOINED_LETTERS = ("SCH",)
+"""Letters that together have one sign in a manual alphabet, here the German."""
+_LETTER = re.compile(rf"(?is){LETTER_MARK}(?P<letter>{'|'.join(JOINED_LETTERS)}|.)(?:@[a-z]{{3}})?")
+"""The gloss of a letter; after @ the signed language of an alphabet that ships."""
 _TIES = 4
 """Number of names compared for ties, as a multiple of the number of suggestions."""
 
@@ -67,20 +71,28 @@ def gloss_of(text: str) -> str:
     return LETTER_MARK + upper[3:] if upper.startswith(LETTER_MARK.upper()) and len(upper) > 3 else upper
 
 
-def letter_gloss(character: str) -> str:
-    """Return the gloss of a letter or digit of the finger alphabet."""
-    return gloss_of(LETTER_MARK + character)
+def letter_gloss(character: str, language: str = "") -> str:
+    """Return the gloss of a letter or digit of the lexicon's finger alphabet, or of that of a signed language which
+    ships: fs-A@GSG.
+    """
+    return gloss_of(LETTER_MARK + character + f"@{language}" * bool(language))
+
+
+def letter_of(gloss: str) -> str:
+    """Return the letter of a letter's gloss, in upper case; empty for other glosses."""
+    match = _LETTER.fullmatch(gloss)
+    return match["letter"].upper() if match else ""
 
 
 def is_letter(gloss: str) -> bool:
-    """Return whether a gloss is ``fs-`` and one character, in any case."""
-    return gloss.lower().startswith(LETTER_MARK) and len(gloss) == len(LETTER_MARK) + 1
+    """Return whether a gloss is ``fs-`` and one character or one of ``JOINED_LETTERS``, in any case."""
+    return bool(_LETTER.fullmatch(gloss))
 
 
 def kind_of(gloss: str, kind: str = "") -> str:
     """Return the given kind, or the one that follows from the gloss.
 
-    Raises ``InputError`` for an unknown kind, or for a letter whose gloss is not ``fs-`` and one character.
+    Raises ``InputError`` for an unknown kind, or for a letter whose gloss is that of none (``is_letter``).
     """
     if kind and kind not in KINDS:
         raise InputError(f"kind {kind[:40]!r}, expected {' or '.join(KINDS)}")

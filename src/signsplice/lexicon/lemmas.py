@@ -14,23 +14,10 @@ from signsplice.errors import InputError
 
 _LONGEST = 40
 """Maximum number of letters of a word that is looked up."""
-_NOT_INFLECTED = frozenset(
-    (
-        "best",
-        "better",
-        "cower",
-        "goods",
-        "later",
-        "liver",
-        "manner",
-        "muster",
-        "shower",
-        "stranger",
-        "wither",
-        "worse",
-        "worst",
-    )
-)
+_NOT_INFLECTED = frozenset((
+    "best", "better", "cower", "goods", "later", "liver", "manner", "muster", "shower", "stranger", "wither", "worse",
+    "worst",
+))  # fmt: skip
 """English words whose sign is not that of the word that their ending leaves."""
 _CONTRACTION = re.compile(
     r"(i(?='?m$)|(?:you|they)(?='?re$)|we(?='re$)|(?:he|she|it|that|what|where|when|who|how)(?='s$))'?(?:m|re|s)",

@@ -9,14 +9,16 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import cached_property, lru_cache, partial
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.gloss import Entry, Suggestions, fold, gloss_of, plain, readings
+from signsplice.lexicon.gloss import Entry, Suggestions, fold, gloss_of, kind_of, plain, readings
+from signsplice.lexicon.languages import ALPHABETS, read_languages
 from signsplice.lexicon.store import BUILD_HINT, OWNS, REBUILD, SourceWord, StoredWords, owns_extension
 from signsplice.motion import Clip, copy_unchecked
 from signsplice.progress import Progress
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "words"
 DEFAULT = "default"
 """Name of the shipped lexicon."""
+_SHIPPED_LANGUAGE = "ase"
+"""Signed language whose signs the shipped words imitate; no signer has checked them."""
 _MIN_SIMILARITY = 0.55
 """Minimum similarity of the glosses that ``nearest`` suggests."""
 _N_KEPT = 64
@@ -42,12 +46,14 @@ class Source(Protocol):
     where: its name in messages; empty if they do not name it.
     form: how rotations are stored; empty if nothing is stored.
     n_bytes: size of the stored frames.
+    language: code of the signed language of its words; empty if unknown.
     """
 
     path: Path
     where: str
     form: str
     n_bytes: int
+    language: str = ""
 
     def find(self, name: str) -> SourceWord | None:
         """Return the word with this gloss or synonym, or None."""
@@ -91,12 +97,16 @@ class Lexicon:
 
     sources: in order of look-up.
     path: of the first source. where, form, n_bytes: as in ``Source``, for all sources.
+    language: code of the signed language of its sentences: the given one, whose sources then come first, else that of
+        the first source that names one; empty if none does.
     """
 
-    def __init__(self, first: str | Path | Source, *others: str | Path | Source) -> None:
-        self.sources: tuple[Source, ...] = tuple(
-            StoredWords(source) if isinstance(source, (str, Path)) else source for source in (first, *others)
-        )
+    def __init__(self, first: str | Path | Source, *others: str | Path | Source, language: str = "") -> None:
+        sources = [StoredWords(source) if isinstance(source, (str, Path)) else source for source in (first, *others)]
+        sources.sort(key=lambda source: bool(language) and source.language not in ("", language))
+        self.sources: tuple[Source, ...] = tuple(sources)
+        self._given_language = language
+        self.language = language or next((source.language for source in sources if source.language), "")
         self.path = self.sources[0].path
         self.where = " and ".join(filter(None, (source.where for source in self.sources)))
         self.form = " and ".join(dict.fromkeys(filter(None, (source.form for source in self.sources))))
@@ -108,8 +118,8 @@ class Lexicon:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def __reduce__(self) -> tuple[type[Lexicon], tuple[Source, ...]]:
-        return type(self), self.sources
+    def __reduce__(self) -> tuple[partial[Lexicon], tuple[Source, ...]]:
+        return partial(type(self), language=self._given_language), self.sources
 
     def close(self) -> None:
         """Close every source."""
@@ -195,6 +205,12 @@ class Lexicon:
         except UnicodeDecodeError as error:
             raise InputError(f"{self.where}: the channels of the word {gloss[:40]!r} are damaged; {REBUILD}") from error
 
+    def language_of(self, gloss: str) -> str:
+        """Return the code of the signed language of a word, for a gloss or synonym; where nothing names it, that with
+        which the lexicon was opened, else an empty text. Raises ``UnknownGlossError``.
+        """
+        return self._word(gloss).signed_language() or self._given_language
+
     def nearest(self, gloss: str, n: int = 3, similarity: float = _MIN_SIMILARITY) -> tuple[str, ...]:
         """Return up to ``n`` glosses and synonyms most similar to ``gloss``: first those that contain it between
         hyphens, then those of at least ``similarity``, best first; letters only if ``gloss`` begins as they do.
@@ -264,10 +280,10 @@ SignT = TypeVar("SignT", bound="Sign | WrittenSign")
 class SignedWords(Source, Generic[SignT]):
     """A source whose words the synthetic signer makes on demand. It lists no words and stores nothing.
 
-    path, where, form, n_bytes: as in ``Source``.
+    path, where, form, n_bytes, language: as in ``Source``.
     """
 
-    where = form = ""
+    where = form = language = ""
     n_bytes = 0
 
     def __init__(self, path: Path) -> None:
@@ -296,20 +312,41 @@ class SignedWords(Source, Generic[SignT]):
             lambda: self._make(sign)[0],
             lambda: self._make(sign)[1],
             lambda: owns_extension(self.owned_channels(sign)),
+            self.language,
         )
 
     def _make_word(self, sign: SignT) -> tuple[Entry, Clip]:
         from signsplice.lexicon.builder import prepare
 
         clip, signer, source = self.make_clip(sign)
-        return prepare(clip, "float32").entry(gloss_of(sign.gloss), "sign", (), signer, source), clip
+        gloss = gloss_of(sign.gloss)
+        return prepare(clip, "float32").entry(gloss, kind_of(gloss), (), signer, source), clip
 
 
-class FormsOfSigns(SignedWords["Sign"]):
+class SignsInNotation(SignedWords["Sign"]):
+    """Signs that the package holds in notation."""
+
+    def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
+        """Return the clip of a sign, its signer and its source."""
+        from signsplice.signer import planner
+
+        signed_word = planner.synthesize_word(sign)
+        return signed_word.clip, signed_word.signer.name, sign.source
+
+    def owned_channels(self, sign: Sign) -> frozenset[str]:
+        """Return the channels that are a sign's own."""
+        from signsplice.signer import phonology
+
+        return phonology.owned_channels(sign)
+
+
+class FormsOfSigns(SignsInNotation):
     """All forms that ``signer.inflection`` makes of the shipped signs: I-GIVE-YOU, 2-GIVE-1, BOOK-PLURAL.
 
     words: the shipped words, whose skeleton the clips of forms share.
     """
+
+    language = _SHIPPED_LANGUAGE
 
     def __init__(self, words: StoredWords) -> None:
         super().__init__(words.path)
@@ -337,17 +374,36 @@ class FormsOfSigns(SignedWords["Sign"]):
 
     def make_clip(self, sign: Sign) -> tuple[Clip, str, str]:
         """Return the clip of a form, named by its gloss (2-GIVE-1)."""
-        from signsplice.signer import planner
+        words, (clip, signer, source) = Lexicon(self._words), super().make_clip(sign)
+        return copy_unchecked(clip, skeleton=words.clip(words.glosses[0]).skeleton), signer, source
 
-        words, signed_word = Lexicon(self._words), planner.synthesize_word(sign)
-        clip = copy_unchecked(signed_word.clip, skeleton=words.clip(words.glosses[0]).skeleton)
-        return clip, signed_word.signer.name, sign.source
 
-    def owned_channels(self, sign: Sign) -> frozenset[str]:
-        """Return the channels that are a form's own."""
-        from signsplice.signer import phonology
+class ShippedLetters(SignsInNotation):
+    """The letters and digits of the manual alphabets that ship in notation (``languages.ALPHABETS``): fs-A@GSG."""
 
-        return phonology.owned_channels(sign)
+    def __init__(self) -> None:
+        super().__init__(SHIPPED)
+
+    def __reduce__(self) -> tuple[type[ShippedLetters], tuple[()]]:
+        return type(self), ()
+
+    @cached_property
+    def _signs(self) -> dict[str, Sign]:
+        from signsplice.signer import notation
+
+        signs = [(code, sign) for code in ALPHABETS for sign in notation.alphabet(code).values()]
+        return {
+            fold(f"{sign.gloss}@{code}"): replace(sign, gloss=f"{sign.gloss}@{code.upper()}") for code, sign in signs
+        }
+
+    def find(self, name: str) -> SourceWord | None:
+        """Return the letter with this gloss, or None."""
+        word = super().find(name) if "@" in name else None
+        return word and replace(word, language=word.gloss[-3:].lower())
+
+    def find_sign(self, name: str) -> Sign | None:
+        """Return the letter with this gloss, or None."""
+        return self._signs.get(fold(name))
 
 
 class WrittenWords(SignedWords["WrittenSign"]):
@@ -360,6 +416,7 @@ class WrittenWords(SignedWords["WrittenSign"]):
         from signsplice.written import files
 
         super().__init__(Path(path))
+        self.where = str(path)
         self._signs = {fold(gloss_of(gloss)): sign for gloss, sign in files.read(path).signs.items()}
         self.glosses = [gloss_of(sign.gloss) for sign in self._signs.values()]
 
@@ -384,14 +441,17 @@ class WrittenWords(SignedWords["WrittenSign"]):
 
 
 def open_lexicon(
-    path: str | Path | None = None, *others: str | Path | None, fallback: str | Path | None = None
+    path: str | Path | None = None, *others: str | Path | None, fallback: str | Path | None = None, language: str = ""
 ) -> Lexicon:
     """Open the lexicon in a folder. Without a folder, with the name ``default`` or with the shipped folder, open the
     shipped words with the forms of their signs. ``others`` are added to it; the first lexicon that has a word wins.
 
-    fallback: file or folder of written signs for glosses that all of them lack. Raises ``InputError`` if a folder or
-    file is missing, damaged or newer than this version of signsplice.
+    fallback: file or folder of written signs for glosses that all of them lack. language: of the sentences
+    (``languages.read_languages``): where it is a signed one, words of that language come first, and those that name
+    none are taken to be of it. Raises ``InputError`` if a folder or file is missing, damaged or newer than this version
+    of signsplice.
     """
+    _, signed = read_languages(language)
     sources = list[Source]()
     with ExitStack() as stack:
         for folder in map(lexicon_folder, (path, *others)):
@@ -399,8 +459,9 @@ def open_lexicon(
             stack.enter_context(closing(words))
             sources += [words, FormsOfSigns(words)] if folder.resolve() == SHIPPED.resolve() else [words]
         sources += [] if fallback is None else [WrittenWords(fallback)]
+        sources.append(ShippedLetters())
         stack.pop_all()
-    return Lexicon(*sources)
+    return Lexicon(*sources, language=signed)
 
 
 def open_shipped_lexicon() -> Lexicon:
@@ -416,4 +477,5 @@ def lexicon_folder(path: str | Path | None) -> Path:
 def _open_stored_words(folder: Path) -> StoredWords:
     if folder == SHIPPED and not SHIPPED.is_dir():
         raise InputError(f"no words ship with this build of signsplice; name a lexicon, or {BUILD_HINT}")
-    return StoredWords(folder)
+    is_shipped = folder.resolve() == SHIPPED.resolve()
+    return StoredWords(folder, "the words that ship", _SHIPPED_LANGUAGE) if is_shipped else StoredWords(folder)

@@ -27,12 +27,13 @@ from signsplice.formats import AS_WRITTEN, READ_SUFFIXES, ReadAs, roles
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import read_bytes
 from signsplice.lexicon.gloss import fold, gloss_of, kind_of
+from signsplice.lexicon.languages import check_signed
 from signsplice.rig.align import list_names
 from signsplice.rig.roles import CHANNELS
 
 TABLE = "glosses.csv"
 COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
-           "face", "owns", "fps", "face_fps", "take", "rest_frame", "roles")  # fmt: skip
+           "face", "owns", "fps", "face_fps", "take", "rest_frame", "roles", "language")  # fmt: skip
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
 
 
@@ -48,6 +49,7 @@ class GlossRow:
     owns: channels of the word's own, some of ``CHANNELS``; None if a rule decides.
     read: how the clip is read.
     roles: path of the clip's roles file, relative to the folder.
+    language: code of the word's signed language.
     """
 
     file: str
@@ -63,6 +65,7 @@ class GlossRow:
     owns: frozenset[str] | None = None
     read: ReadAs = AS_WRITTEN
     roles: str = ""
+    language: str = ""
 
 
 def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
@@ -137,6 +140,7 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
         owns=_channels(fields["owns"]),
         read=_read_as(fields),
         roles=_path(fields["roles"]),
+        language=check_signed(fields["language"].lower()),
     )
 
 

@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 from itertools import chain, count, takewhile
 
 from signsplice.errors import InputError, UnknownGlossError
-from signsplice.lexicon.gloss import LETTER_MARK, fold, letter_gloss, plain
+from signsplice.lexicon.gloss import JOINED_LETTERS, LETTER_MARK, fold, letter_gloss, letter_of, plain
+from signsplice.lexicon.languages import ALPHABETS, read_languages
 from signsplice.lexicon.lemmas import lemmas, without_copula
 from signsplice.lexicon.lexicon import Lexicon
+from signsplice.rig.align import list_names
 
 PAUSES = ".?!,"
 """Marks at which signing pauses; of several, the first in this order counts."""
@@ -30,8 +32,8 @@ _ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fr
 _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
 """A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
 and hyphens between them, or points and commas between digits."""
-_NUMBERED = re.compile(r"((.+)#\d+)(\W*)")
-"""GLOSS#2, its gloss, and punctuation."""
+_NUMBERED = re.compile(r"((.+)#\d+|.+@[a-z]{3})(\W*)", re.IGNORECASE)
+"""GLOSS#2, its gloss, and punctuation; or the gloss of a letter that ships (fs-A@GSG), and punctuation."""
 _ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th|er?|[eè]me|[sd]e|os?|η)", re.IGNORECASE)
 _SYMBOLS = {"$": "dollar", "€": "euro", "£": "pound", "¥": "yen", "%": "percent"}
 """Symbols beside numbers, and the words that they are read as."""
@@ -74,7 +76,7 @@ def split_words(text: str, is_known: Callable[[str], bool], language: str = "en"
             typed_words.append(TypedWord(token, token))
             continue
         numbered = _NUMBERED.fullmatch(token)
-        if numbered and is_known(numbered[2]):
+        if numbered and is_known(numbered[2] or numbered[1]):
             typed_words.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
         words, before = _words(token, language)
@@ -112,7 +114,7 @@ def _words(token: str, language: str) -> tuple[list[TypedWord], str]:
     for k, (match, gap) in enumerate(zip(matches, between[1:], strict=True)):
         text = plain[match.start() : match.end()]
         if text.lower() == "fs" and plain[match.end() : match.end() + 1] == "-":  # a prefix without a word
-            words.append(TypedWord("", token, f"{text}-"))
+            words.append(TypedWord("", f"{text}-", f"{text}-"))
             continue
         is_between = k + 1 < len(matches) and plain[gap] in ":\u2013"  # 10:30, 1990-95
         parts = [*_number_parts(text, token, language), *symbols, *_symbols(plain[gap], token)]
@@ -195,6 +197,7 @@ class SentenceToken:
     note: how it was read, where it is not read as typed, or empty.
     suggestions: glosses that may have been meant, where it is no gloss.
     pause: the mark typed after it at which signing pauses, one of ``PAUSES``; empty where there is none.
+    language: code of the signed language of its glosses; empty if unknown, and without glosses.
     """
 
     token: str
@@ -204,6 +207,7 @@ class SentenceToken:
     note: str = ""
     suggestions: tuple[str, ...] = ()
     pause: str = ""
+    language: str = ""
 
 
 def parse(
@@ -213,22 +217,27 @@ def parse(
     compounds: bool = True,
     drop_function_words: bool = False,
     language: str = "en",
+    one_language: bool = False,
 ) -> list[SentenceToken]:
     """Split a line of glosses into tokens at white space and punctuation, and find how each is signed.
 
     A token that the lexicon has, in any case, is that word; else a gloss that differs only in accents, marks, variant
     or hyphens (``Lexicon.match``), or that it is a form of (``lemmas`` of ``language``; none if that is empty), with a
-    note. With ``compounds`` the longest run of words that is one gloss becomes that gloss (I LOVE YOU: I-LOVE-YOU),
-    unless punctuation separates them. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens between letters are ignored.
-    A hyphenated token whose parts are all glosses becomes those glosses. A number is NUMBER-12, or its digits. Any
-    other token is fingerspelled if the lexicon has all its letters, else left out, with a warning and ``suggestions``.
-    Emoji and other symbols are left out with a warning. With ``drop_function_words`` English words without a sign in
-    ASL are left out with a note, unless they are part of a compound.
+    note. ``language`` names the spoken language of the words, the signed one of the sentence, or both
+    (``read_languages``); without the latter it is the lexicon's. Letters of another signed language spell nothing;
+    those of ``ALPHABETS`` ship. With ``compounds`` the longest run of words that is one gloss becomes that gloss (I
+    LOVE YOU: I-LOVE-YOU), unless punctuation separates them. ``fs-ANNA`` and ``#ANNA`` are fingerspelled; hyphens
+    between letters are ignored. A hyphenated token whose parts are all glosses becomes those glosses. A number is
+    NUMBER-12, or its digits. Any other token is fingerspelled if the lexicon has all its letters, else left out, with a
+    warning and ``suggestions``. Emoji and other symbols are left out with a warning. With ``drop_function_words``
+    English words without a sign in ASL are left out with a note, unless they are part of a compound.
 
     Raises ``InputError`` if nothing of the line can be said: ``UnknownGlossError``, which names every unknown token and
     similar glosses, if one was typed. Without ``spell`` it raises for the first faults instead of spelling and leaving
-    words out.
+    words out; with ``one_language`` for signs of several languages, or of another than the named one.
     """
+    language, signed = read_languages(language)
+    letters = _Letters(lexicon, signed or lexicon.language)
     words = [part for word in split_words(text, lexicon.__contains__, language) for part in _parts(word, lexicon)]
     if not any(word.text for word in words):
         left_out = "".join(word.left_out for word in words)
@@ -238,16 +247,51 @@ def parse(
     index = 0
     while index < len(words):
         token = _compound(words[index : index + _LONGEST_COMPOUND], lexicon, language) if compounds else None
-        token = token or _token(words, index, lexicon, spell, drop_function_words, language)
+        token = token or _token(words, index, letters, spell, drop_function_words, language)
         index += max(1, len(token.token.split()))
-        readings.append(replace(token, pause=words[index - 1].pause))
+        code = lexicon.language_of(token.glosses[0]) or signed if token.glosses else ""
+        readings.append(replace(token, pause=words[index - 1].pause, language=code))
     texts = {word.text for word in words}
     missing = [token for token in readings if token.warning and not token.glosses and token.token in texts]
     if missing and not (spell and any(token.glosses for token in readings)):
         unknown = {token.token: token.suggestions for token in missing if _LEFT_OUT not in token.warning}
         fault = InputError(f"{lexicon.where}: {missing[0].warning.partition(_LEFT_OUT)[0]}")
-        raise UnknownGlossError(unknown, lexicon.where) if unknown else fault
+        where = lexicon.where + f", without letters{letters.of_language}" * bool(letters.of_language)
+        raise UnknownGlossError(unknown, where) if unknown else fault
+    if one_language and (mixed := mixed_languages(readings, signed)):
+        raise InputError(f"{lexicon.where}: {mixed}, expected one language")
     return readings
+
+
+def mixed_languages(tokens: Sequence[SentenceToken], signed: str = "") -> str:
+    """Return which words are of which signed language if a line has several, or another than ``signed`` if that names
+    one; else an empty text.
+    """
+    words: dict[str, list[str]] = {}
+    for token in tokens:
+        if token.glosses and (not signed or token.language != signed):
+            words.setdefault(token.language, []).append(token.token)
+    if len(words) < 1 + (not signed):
+        return ""
+    parts = [f"{code or 'unnamed'} ({list_names(names)})" for code, names in words.items()]
+    what = f"other languages than {signed}" if signed else "several languages"
+    return f"signs of {what}: {'; '.join(parts)}"
+
+
+def line_warnings(tokens: Sequence[SentenceToken], language: str = "") -> list[str]:
+    """Return warnings about a whole line, one line each: that it mixes signed languages, or that more than half of its
+    words, and at least two, are spelled. ``language``: as in ``parse``.
+    """
+    mixed = mixed_languages(tokens, read_languages(language)[1])
+    n_spelled, (n_words, n_letters) = len(list_spelled_words(tokens)), _count_words(tokens)
+    spelled = f"{n_spelled} of {n_words} words are spelled, letter by letter ({n_letters} letters)"
+    return [*filter(None, (mixed, spelled * (n_spelled > max(1, n_words / 2))))]
+
+
+def _count_words(tokens: Sequence[SentenceToken]) -> tuple[int, int]:
+    """Return the number of words of tokens, and of letters that spell them."""
+    n_letters = sum(len(token.glosses) for token in tokens if token.spelled)
+    return sum(len(token.token.split()) for token in tokens), n_letters
 
 
 def token_glosses(tokens: Sequence[SentenceToken]) -> list[str]:
@@ -266,8 +310,9 @@ def list_spelled_words(tokens: Sequence[SentenceToken]) -> list[str]:
 def count_words(tokens: Sequence[SentenceToken]) -> str:
     """Return how many words are signed, spelled and left out; empty if all are signed."""
     spelled, left_out = len(list_spelled_words(tokens)), sum(not token.glosses for token in tokens)
-    n_words = sum(len(token.token.split()) for token in tokens)
-    counts = f"{n_words - spelled - left_out} of {n_words} words signed" + f", {spelled} spelled" * bool(spelled)
+    n_words, n_letters = _count_words(tokens)
+    counts = f"{n_words - spelled - left_out} of {n_words} words signed"
+    counts += f", {spelled} spelled ({n_letters} letter{'s' * (n_letters != 1)})" * bool(spelled)
     return counts + f", {left_out} left out" * bool(left_out) if spelled or left_out else ""
 
 
@@ -342,12 +387,12 @@ def _drop_function_word(words: Sequence[TypedWord], at: int) -> str:
 
 
 def _token(
-    words: Sequence[TypedWord], at: int, lexicon: Lexicon, spell: bool, drops: bool, language: str
+    words: Sequence[TypedWord], at: int, letters: _Letters, spell: bool, drops: bool, language: str
 ) -> SentenceToken:
     """Return how a word is signed; with a warning and without glosses if the lexicon has neither sign nor letters."""
     word = words[at]
     kept = word.meant or (_drop_function_word(words, at) if drops else word.text)
-    read = _resolve_text(kept, lexicon, spell, language) if kept else SentenceToken(word.text or word.typed, ())
+    read = _resolve_text(kept, letters, spell, language) if kept else SentenceToken(word.text or word.typed, ())
     if kept != word.text:
         note = f"{word.text!r} is read as {kept!r}" if kept else f"{word.text!r} has no sign in ASL, and is left out"
         read = replace(read, token=word.text, note=note)
@@ -356,11 +401,12 @@ def _token(
     return replace(read, warning="; ".join(filter(None, (read.warning, left_out))), note=read.note or word.note)
 
 
-def _resolve_text(text: str, lexicon: Lexicon, spell: bool, language: str) -> SentenceToken:
+def _resolve_text(text: str, alphabet: _Letters, spell: bool, language: str) -> SentenceToken:
+    lexicon = alphabet.lexicon
     if text in lexicon:
         return SentenceToken(text, (lexicon.entry(text).gloss,))
     if _mark(text):
-        return _fingerspell_token(text, lexicon)
+        return _fingerspell_token(text, alphabet)
     first, mark, _ = text.rpartition("#")
     if mark:
         forms = [first, *takewhile(lexicon.__contains__, (f"{first}#{k}" for k in count(2)))]
@@ -371,16 +417,16 @@ def _resolve_text(text: str, lexicon: Lexicon, spell: bool, language: str) -> Se
     if gloss is not None:
         return SentenceToken(text, (gloss,), note=f"{text!r} is read as {gloss}")
     bare = text.replace(_HYPHEN, "").replace(_APOSTROPHE, "")
-    letters = _letters(bare, lexicon) if spell else ()
+    letters = alphabet.spell(bare) if spell else ()
     if not letters or () in letters:
         near = lexicon.nearest(text)
-        warning = f"no gloss {text!r}, and no letters for it{_hint(near)} is left out"
+        warning = f"no gloss {text!r}, and no letters{alphabet.of_language} for it{_hint(near)} is left out"
         return SentenceToken(text, (), warning=warning, suggestions=near)
     if number:
         return SentenceToken(text, tuple(chain(*letters)), True)
     meant = tuple(gloss for gloss in lexicon.nearest(text, similarity=_TYPO) if _may_be_meant(gloss, bare))
     or_drop = ", or drop function words" * is_function_word(text, "")
-    warning = f"no gloss {text!r}{_hint(meant)} is spelled{_by_other_letters(bare, letters)}"
+    warning = f"no gloss {text!r}{_hint(meant)} is spelled{alphabet.without_accents(bare, letters)}"
     warning += f"; write {LETTER_MARK}{bare} to mean that{or_drop}"
     return SentenceToken(text, tuple(chain(*letters)), True, warning, suggestions=meant)
 
@@ -406,48 +452,64 @@ def _mark(text: str) -> str:
     return next((mark for mark in SPELLED_MARKS if text.lower().startswith(mark) and len(text) > len(mark)), "")
 
 
-def _fingerspell_token(token: str, lexicon: Lexicon) -> SentenceToken:
+def _fingerspell_token(token: str, alphabet: _Letters) -> SentenceToken:
     """Fingerspell a token that begins with one of ``SPELLED_MARKS``."""
     word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
-    letters = _letters(word, lexicon)
+    letters = alphabet.spell(word)
     if not letters or () in letters:
-        letter = _characters(word)[letters.index(())] if letters else _HYPHEN
-        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}; its letters are the glosses that begin "
-        return SentenceToken(token, (), warning=f"{warning}with {LETTER_MARK}{_LEFT_OUT}")
-    spelled_as = _by_other_letters(word, letters)
+        letter = alphabet.split(word)[letters.index(())] if letters else _HYPHEN
+        warning = f"{token!r} cannot be spelled, there is no letter {letter!r}{alphabet.of_language}; its letters are "
+        return SentenceToken(token, (), warning=f"{warning}the glosses that begin with {LETTER_MARK}{_LEFT_OUT}")
+    spelled_as = alphabet.without_accents(word, letters)
     return SentenceToken(token, tuple(chain(*letters)), True, f"{token!r} is spelled{spelled_as}" if spelled_as else "")
 
 
-def _characters(word: str) -> list[str]:
-    """Return the letters of a word, composed; accents that no letter takes are left out."""
-    return [c for c in unicodedata.normalize("NFC", word) if plain(c)]
+@dataclass(frozen=True)
+class _Letters:
+    """The letters that spell words in a signed language: the lexicon's, else those that ship.
 
-
-def _letters(word: str, lexicon: Lexicon) -> tuple[tuple[str, ...], ...]:
-    """Return for each letter of a word the glosses that spell it: its own, or those of plain letters (Ü: U, ß: S S);
-    none if the lexicon lacks them.
+    language: code of the signed language; empty if unknown, which every letter of the lexicon is taken for.
     """
 
-    def glosses(characters: str) -> tuple[str, ...]:
-        found = [_letter(c, lexicon) for c in characters if c.isprintable()]
-        return tuple(filter(None, found)) if all(found) else ()
+    lexicon: Lexicon
+    language: str
 
-    letters = {c: glosses(c) or glosses(plain(c)) for c in _characters(word)}
-    return tuple(letters[c] for c in _characters(word))
+    @property
+    def of_language(self) -> str:
+        """The name of an alphabet that is not here, for warnings; else an empty text."""
+        return f" of {self.language}" * (self.language not in ("", *ALPHABETS))
 
+    def split(self, word: str) -> list[str]:
+        """Return the letters of a word, composed; accents that no letter takes are left out."""
+        joined = "".join(f"{letters}|" for letters in JOINED_LETTERS if self._letter(letters))
+        composed = "".join(c for c in unicodedata.normalize("NFC", word) if plain(c))
+        return re.findall(f"{joined}.", composed, re.IGNORECASE | re.DOTALL)
 
-def _letter(character: str, lexicon: Lexicon) -> str | None:
-    """Return the gloss of a letter or digit, or None."""
-    character = str(unicodedata.decimal(character, character))
-    letter = letter_gloss(character)
-    if letter in lexicon and lexicon.entry(letter).kind == "letter":
-        return lexicon.entry(letter).gloss
-    return lexicon.match(f"NUMBER-{character}") if character.isdecimal() else None
+    def spell(self, word: str) -> tuple[tuple[str, ...], ...]:
+        """Return for each letter of a word the glosses that spell it: its own, or those of plain letters (Ü: U, ß: S
+        S); none if they are lacking.
+        """
 
+        def glosses(characters: Sequence[str]) -> tuple[str, ...]:
+            found = [self._letter(c) for c in characters if c.isprintable()]
+            return tuple(filter(None, found)) if all(found) else ()
 
-def _by_other_letters(word: str, letters: Sequence[Sequence[str]]) -> str:
-    """Return a remark if a word is spelled without its accents (JOSE), else an empty text."""
-    pairs = zip(_characters(word), letters, strict=True)
-    if all(glosses[0] == letter_gloss(c) or c.isdecimal() for c, glosses in pairs):
-        return ""
-    return f" as {''.join(gloss[len(LETTER_MARK) :] for gloss in chain(*letters))}, without accents"
+        letters = {c: glosses([c]) or glosses(plain(c)) for c in self.split(word)}
+        return tuple(letters[c] for c in self.split(word))
+
+    def _letter(self, character: str) -> str | None:
+        """Return the gloss of a letter or digit, or None."""
+        character = str(unicodedata.decimal(character, character)) if len(character) == 1 else character
+        languages, lexicon = ("", self.language), self.lexicon
+        for letter in (letter_gloss(character, language) for language in languages):
+            is_letter = letter in lexicon and lexicon.entry(letter).kind == "letter"
+            if is_letter and (not self.language or lexicon.language_of(letter) in languages):
+                return lexicon.entry(letter).gloss
+        return self.lexicon.match(f"NUMBER-{character}") if character.isdecimal() else None
+
+    def without_accents(self, word: str, letters: Sequence[Sequence[str]]) -> str:
+        """Return a remark if a word is spelled without its accents (JOSE), else an empty text."""
+        pairs = zip(self.split(word), letters, strict=True)
+        if all(letter_of(glosses[0]) == letter_of(letter_gloss(c)) or c.isdecimal() for c, glosses in pairs):
+            return ""
+        return f" as {''.join(map(letter_of, chain(*letters)))}, without accents"

@@ -43,6 +43,8 @@ APPLICATION_ID = 0x53_50_4C_58
 """SQLite's application id in the file's header, which identifies a lexicon's index."""
 OWNS = "owns"
 """The extension that holds the channels of a word's own, separated by ``;``."""
+LANGUAGE = "language"
+"""The extension that holds the code of the word's signed language (``languages``)."""
 CARD = "card"
 """The extension that holds what splices know of the word by itself (``splicing.cards``)."""
 
@@ -120,12 +122,18 @@ class SourceWord:
 
     gloss: its gloss.
     entry, clip, extensions: functions that return its entry, its clip, and its named bytes.
+    language: code of its signed language, where no extension names it; empty if unknown.
     """
 
     gloss: str
     entry: Callable[[], Entry]
     clip: Callable[[], Clip]
     extensions: Callable[[], dict[str, bytes]] = dict
+    language: str = ""
+
+    def signed_language(self) -> str:
+        """Return the code of its signed language; empty if unknown."""
+        return language_text(self.extensions().get(LANGUAGE, b"")) or self.language
 
 
 class Index:
@@ -207,6 +215,12 @@ class Index:
         rows = self.ask("SELECT folded, shown, is_gloss FROM name ORDER BY is_gloss DESC, shown")
         return [(str(folded), str(shown), bool(is_gloss)) for folded, shown, is_gloss in rows]
 
+    def language(self) -> str:
+        """Return the signed language of the first word; empty if it names none."""
+        query = "SELECT value FROM extension WHERE word = 1 AND name = ?"
+        rows = self.ask(query, LANGUAGE) if self._has_extensions else []
+        return language_text(rows[0][0]) if rows else ""
+
     def extensions(self, gloss: str) -> dict[str, bytes]:
         """Return the named bytes of a word's extensions."""
         query = "SELECT name, value FROM extension WHERE word = (SELECT word FROM name WHERE folded = ?) ORDER BY name"
@@ -247,23 +261,9 @@ class Index:
                 raise ValueError("a mark is neither 0 nor 1")
             names = json.loads(synonyms)
             check_type(names, list[str], "synonyms")
-            entry_values = (
-                gloss,
-                kind,
-                tuple(names),
-                fps,
-                n_frames,
-                signer,
-                source,
-                bool(checked),
-                before,
-                after,
-                digest,
-            )
-            entry, clip_location = (
-                Entry(*entry_values),
-                ClipLocation(location[0], location[1], location[2], bool(location[3])),
-            )
+            facts = (tuple(names), fps, n_frames, signer, source, bool(checked), before, after, digest)
+            entry = Entry(gloss, kind, *facts)
+            clip_location = ClipLocation(location[0], location[1], location[2], bool(location[3]))
             _check_types(entry)
             _check_types(clip_location)
             _check_entry(entry)
@@ -289,10 +289,11 @@ class StoredWords:
     path, where: the folder, and its name in messages.
     form: how rotations are stored: "float32" or "int16".
     n_bytes: size of the frames file.
+    language: signed language of its first word, or the given one, that of words which name none.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path, self.where = Path(path), str(path)
+    def __init__(self, path: str | Path, where: str = "", language: str = "") -> None:
+        self.path, self.where, self._default_language = Path(path), where or str(path), language
         self._lock = threading.Lock()
         self._skeletons: dict[int, tuple[Skeleton, str]] = {}
         self._frames: mmap.mmap | None
@@ -305,9 +306,10 @@ class StoredWords:
                 if _place(self.path) == place:
                     raise  # otherwise another lexicon has replaced it between opening the two files
         self.form, self.n_bytes = self._index.head.form, self._index.head.n_bytes
+        self.language = self._index.language() or language
 
-    def __reduce__(self) -> tuple[type[StoredWords], tuple[Path]]:
-        return type(self), (self.path,)
+    def __reduce__(self) -> tuple[type[StoredWords], tuple[Path, str, str]]:
+        return type(self), (self.path, self.where, self._default_language)
 
     def close(self) -> None:
         """Close both files."""
@@ -323,8 +325,8 @@ class StoredWords:
         if row is None:
             return None
         entry, location = row
-        extensions = partial(self._index.extensions, entry.gloss)
-        return SourceWord(entry.gloss, lambda: entry, partial(self._clip, entry, location), extensions)
+        extensions, clip = partial(self._index.extensions, entry.gloss), partial(self._clip, entry, location)
+        return SourceWord(entry.gloss, lambda: entry, clip, extensions, self._default_language)
 
     def lists(self, name: str) -> bool:
         """Return whether ``name`` is a gloss or synonym of a word."""
@@ -520,9 +522,18 @@ def _is_whole(card: bytes) -> bool:
     return True
 
 
-def owns_extension(owns: frozenset[str] | None) -> dict[str, bytes]:
-    """Return the extensions of a word whose own channels are ``owns``, some of ``CHANNELS``; none if a rule decides."""
-    return {} if owns is None else {OWNS: ";".join(sorted(owns, key=CHANNELS.index)).encode()}
+def owns_extension(owns: frozenset[str] | None, language: str = "") -> dict[str, bytes]:
+    """Return the extensions of a word whose own channels are ``owns``, some of ``CHANNELS``, none if a rule decides;
+    and of its signed ``language``, if that is known.
+    """
+    named = {LANGUAGE: language.encode()} if language else {}
+    return named if owns is None else {OWNS: ";".join(sorted(owns, key=CHANNELS.index)).encode(), **named}
+
+
+def language_text(value: bytes) -> str:
+    """Return the code of a signed language in an extension; empty for bytes that hold none."""
+    code = str(value, "ascii", "replace") if isinstance(value, bytes) else ""
+    return code if re.fullmatch("[a-z]{3}", code) else ""
 
 
 def row_digest(entry: Entry, location: ClipLocation, extensions: Mapping[str, bytes]) -> bytes:

@@ -139,7 +139,9 @@ class SentenceRequest(Dials):
     spell: whether words that the lexicon lacks are fingerspelled or left out; else they are refused.
     compounds: whether words that are one gloss together are that gloss: I LOVE YOU is I-LOVE-YOU.
     drop_function_words: whether articles, forms of be and auxiliary do, which ASL has no signs for, are left out.
-    language: of the words, a code such as en, for inflections and numbers; empty: no inflections.
+    language: of the words, a code such as en, for inflections and numbers; of the signs and letters, such as gsg; or
+        both, en-gsg; empty: no inflections.
+    one_language: whether signs of several signed languages, or of another than the named one, are refused.
     pauses: whether signs are held at commas, full stops, question and exclamation marks.
     face_rules: whether the face blinks, and its brows ask, by rule, where a word has no face of its own.
     formats: of the files to answer with.
@@ -154,6 +156,7 @@ class SentenceRequest(Dials):
     compounds: bool = True
     drop_function_words: bool = False
     language: Language = "en"
+    one_language: bool = False
     pauses: bool = True
     face_rules: bool = False
     formats: Formats = field(default_factory=lambda: ["bvh"])
@@ -339,6 +342,7 @@ class OpenMessage(Dials):
     paced: whether frames are sent one by one when they are due; else as soon as they are made.
     spell: whether words that the lexicon lacks are fingerspelled or left out; else they are refused.
     compounds, drop_function_words, language: as in a sentence; compounds only within a text.
+    one_language: as in a sentence, for each text.
     pauses: whether a sign is held at the punctuation after its word, in the same message.
     face_rules: as in a sentence; brows ask within a text.
     """
@@ -349,6 +353,7 @@ class OpenMessage(Dials):
     compounds: bool = True
     drop_function_words: bool = False
     language: Language = "en"
+    one_language: bool = False
     pauses: bool = True
     face_rules: bool = False
 

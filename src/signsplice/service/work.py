@@ -17,10 +17,10 @@ from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
 from signsplice.formats.avatar import parse_avatar, read_avatar
-from signsplice.lexicon import Lexicon
+from signsplice.lexicon import Lexicon, sentence
 from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.languages import read_languages
 from signsplice.lexicon.lexicon import open_lexicon
-from signsplice.lexicon.sentence import LineGloss, SentenceToken, line_glosses, parse, split_words, token_glosses
 from signsplice.motion import Clip
 from signsplice.service import scene, wire
 from signsplice.service.settings import Settings
@@ -138,7 +138,7 @@ def warm_up(is_quick: bool) -> None:
     """
     lexicon = _worker.lexicon
     with suppress(InputError):  # reads the notation of the shipped signs, to look for a form, and a dictionary
-        parse("NO-SUCH-WORD", lexicon)
+        sentence.parse("NO-SUCH-WORD", lexicon)
     glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
     n_letters = sum(gloss.startswith(LETTER_MARK) for gloss in glosses)
     glosses = [*glosses[:_N_WARMING], *glosses[len(glosses) - n_letters :][:_N_WARMING]]
@@ -171,10 +171,11 @@ def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None)
 
     Raises ``InputError`` as it does, and for work that does not fit ``work_seconds``.
     """
-    glosses = token_glosses(_units(request.text or " ".join(request.glosses or ()), request, request.compounds))
+    units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
+    glosses = sentence.token_glosses(units)
     stored = [_worker.lexicon.entry(gloss) for gloss in glosses if _worker.lexicon.lists(gloss)]
     fps = request.fps or min((entry.fps for entry in stored), default=scene.FILM_FPS)
-    seconds = _LEAST_SECONDS["form"] * (len(glosses) - len(stored))
+    seconds = _LEAST_SECONDS["form"] * len({gloss for gloss in glosses if not _worker.lexicon.lists(gloss)})
     least = sum(_LEAST_SHARES[entry.kind] * entry.seconds for entry in stored) / request.sign_speed
     n_joints = len(_worker.clip(stored[0].gloss).skeleton) if stored and request.avatar is None else 0
     seconds += _check_work(len(glosses), n_joints, least, sum(entry.seconds for entry in stored), fps, request, file)
@@ -222,10 +223,10 @@ def splice_glosses(
     if given. Raises ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
-    token_glosses(units)  # raises if every word was left out
+    sentence.token_glosses(units)  # raises if every word was left out
     avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
     words = words_of(units, _worker.clip, request.pauses, _worker.owns)
-    return _answer(words, request, file, units, avatar)
+    return _answer(words, request, file, units, avatar, sentence.line_warnings(units, request.language))
 
 
 def splice_files(
@@ -258,8 +259,9 @@ def _answer(
     words: list[Word],
     request: Requested,
     file: str | None,
-    units: Sequence[SentenceToken],
+    units: Sequence[sentence.SentenceToken],
     avatar: Avatar | None = None,
+    warnings: Sequence[str] = (),
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or words[0].clip.fps
     seconds = sum(word.clip.seconds for word in words) / request.sign_speed
@@ -267,6 +269,7 @@ def _answer(
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
     avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(words, options(request))
+    result = replace(result, warnings=(*warnings, *result.warnings))
     n_joints = len(result.clip.skeleton) if avatar is None else 0
     _check_work(len(words), n_joints, result.clip.seconds, seconds * request.sign_speed, fps, request, file)
     if avatar is not None:
@@ -292,14 +295,15 @@ def options(dials: wire.Dials) -> SpliceOptions:
     return SpliceOptions(**chosen, face_rules=rules, limits=_worker.settings.read_limits)
 
 
-def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[SentenceToken]:
+def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds: bool) -> list[sentence.SentenceToken]:
     """Parse a line of glosses. Raises ``InputError``, also for more words or letters than a sentence may have."""
     limit, lexicon = _worker.settings.max_glosses, _worker.lexicon
-    n_words = len(split_words(text, lexicon.__contains__, wanted.language))
+    n_words = len(sentence.split_words(text, lexicon.__contains__, read_languages(wanted.language)[0]))
     if n_words > limit:  # before look-up, which is slow for many words
         raise InputError(f"{n_words} words, expected at most {limit}")
     try:
-        units = parse(text, lexicon, wanted.spell, compounds, wanted.drop_function_words, wanted.language)
+        drops, languages = wanted.drop_function_words, (wanted.language, wanted.one_language)
+        units = sentence.parse(text, lexicon, wanted.spell, compounds, drops, *languages)
     except UnknownGlossError:
         raise
     except InputError as error:  # callers need not know the lexicon's folder
@@ -323,7 +327,7 @@ Typed = wire.WordMessage | wire.TextMessage
 """Typed input of a stream's client."""
 
 
-def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[str, Any]]]:
+def parse_message(key: str, typed: Typed) -> tuple[list[sentence.LineGloss], list[dict[str, Any]]]:
     """Return the words and letters that sign a stream's typed input, and messages about how it was read.
 
     Raises ``InputError``.
@@ -331,14 +335,15 @@ def parse_message(key: str, typed: Typed) -> tuple[list[LineGloss], list[dict[st
     opening = _worker.streams[key].opening
     line, compounds = (typed.text, opening.compounds) if isinstance(typed, wire.TextMessage) else (typed.gloss, False)
     units = _units(line, opening, compounds)
-    words = line_glosses(units)
+    words = sentence.line_glosses(units)
     if not opening.pauses:
         words = [replace(word, pause=None) for word in words]
-    warnings = [{"type": "warning", "warning": unit.warning} for unit in units if unit.warning]
+    said = [*(unit.warning for unit in units if unit.warning), *sentence.line_warnings(units, opening.language)]
+    warnings = [{"type": "warning", "warning": warning} for warning in said]
     return words, [*({"type": "unit", "unit": asdict(unit)} for unit in units), *warnings]
 
 
-def add_word(key: str, word: LineGloss) -> list[dict[str, Any] | bytes]:
+def add_word(key: str, word: sentence.LineGloss) -> list[dict[str, Any] | bytes]:
     """Add a word, or a letter of a spelled word, to a stream and return the messages that become final.
 
     Raises ``InputError`` if the word cannot become part of the sentence.

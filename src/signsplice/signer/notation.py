@@ -327,9 +327,11 @@ def _one_of(line: _Line, key: str, value: str, known: Iterable[str]) -> str:
     return value
 
 
-def alphabet() -> dict[str, Sign]:
-    """The American manual alphabet and digits of this package, by gloss (``fs-A`` ... ``fs-9``), read on each call."""
-    return read(FOLDER / "alphabet.signs")
+def alphabet(language: str = "ase") -> dict[str, Sign]:
+    """A manual alphabet and digits of this package, by gloss (``fs-A`` ... ``fs-9``), read on each call: the American,
+    or that of another signed language of ``languages.ALPHABETS``.
+    """
+    return read(FOLDER / ("alphabet.signs" if language == "ase" else f"alphabet-{language}.signs"))
 
 
 def everyday() -> dict[str, Sign]:

@@ -8,8 +8,9 @@ average over twenty words (1.9 to 3.8).
 
 **Doubled letters** that look the same are distinguished. American Sign Language uses a slide to the strong side by
 about two inches, relaxing and forming the letter again, and a bounce of less than half an inch (Vicars, lifeprint.com).
-Here ``SLID_LETTERS`` slide. Closed letters (A, E, M, N, O, S, T) are formed again, as is taught, and so are letters of
-other alphabets. A slide moves the arm of the second letter; the hand returns on the way to the next.
+Here ``SLID_LETTERS`` slide, and all letters of the German and the Dutch alphabet. Closed letters (A, E, M, N, O, S, T)
+are formed again, as is taught, and so are letters of other alphabets. A slide moves the arm of the second letter; the
+hand returns on the way to the next.
 
 **Free fingers.** Fingers that a letter does not select adapt to its neighbours, selected fingers do not (Keane 2014;
 forward and backward influences of letters on one another: Jerde, Soechting and Flanders 2003). So a finger that is free
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 
 from signsplice.body.arm_ik import move_wrists
 from signsplice.errors import InputError
-from signsplice.lexicon.gloss import LETTER_MARK
+from signsplice.lexicon.gloss import letter_of
 from signsplice.motion import Clip, FloatArray, copy_unchecked, rotation
 from signsplice.rig.info import Arms, active_span, arms, hands_in_trunk_axes, rig_info
 from signsplice.rig.roles import FINGERS, finger_roles
@@ -90,7 +91,7 @@ MOVEMENTS = LetterMovements()
 
 def letter(clip: Clip) -> str:
     """Returns the letter in a clip's name, in upper case."""
-    return clip.name[len(LETTER_MARK) :].upper()
+    return letter_of(clip.name)
 
 
 def spelling_side(before: Arms, pre: int, after: Arms, post: int) -> int | None:
@@ -159,6 +160,8 @@ def hand_joints(clip: Clip, sides: Sequence[int]) -> list[int]:
 
 SLID_LETTERS = frozenset("BCDFGHIKLPQRUVWXY123456789")
 """Letters and digits of the American manual alphabet that slide when they are doubled (``SlideLetters``)."""
+_ALL_SLIDE = ("@DSE", "@GSG")
+"""Ends of the names of letters of alphabets in which all slide (``signer/words/alphabet-dse.signs``)."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +212,8 @@ def cut_letters(before: Clip, after: Clip, entry: int, transition_s: float, spee
         warnings = (f"{after.name} is still for {can_hold:.2f} s only, less than the way to it takes",)
     slides = (
         is_doubled
-        and letter(before) == letter(after) in SLID_LETTERS
+        and letter(before) == letter(after)
+        and (letter(after) in SLID_LETTERS or after.name.upper().endswith(_ALL_SLIDE))
         and spelling_side(before_arms, pre, after_arms, post) is not None
     )
     seconds = max(min(needed / speed, can_hold), _TEMPO.least_transition_s / speed)
