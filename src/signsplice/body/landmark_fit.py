@@ -65,7 +65,7 @@ class FitSettings:
 
 
 SETTINGS = FitSettings()
-DEPTH_NOTE = "depths are guessed from one camera: hands may be too near or too far, the trunk's turns are not found"
+DEPTH_NOTE = "landmarks: depths are guessed from one camera, hands may be too near or too far, the trunk does not turn"
 """What is doubtful in every fitted pose."""
 
 

@@ -103,6 +103,10 @@ def convert(
     check_outputs(output, report, inputs=[source, body, *faces])
     # The retargeting warns of the clip itself.
     clip = load(source, warns=body is None, face=faces_of([source], faces)[0], face_offset=face_offset)
+    if clip.points is not None and Path(output).suffix.lower() not in (".pose", ".npz"):
+        from signsplice.body.landmark_fit import DEPTH_NOTE
+
+        warn([DEPTH_NOTE])
     if mouth is not None:
         clip = _mouthing(clip, mouth)
     if body is None:

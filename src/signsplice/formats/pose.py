@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import math
 import struct
+import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.landmark_fit import DEPTH_NOTE, fit_person
+from signsplice.body.landmark_fit import fit_person
 from signsplice.body.landmarks import find_anchors, project
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
 from signsplice.formats.smplx import skeleton
 from signsplice.motion import Clip
 from signsplice.motion.cache import CACHE
-from signsplice.motion.points import Component, Float32, PointLayout, Points
+from signsplice.motion.points import Component, Float32, Framing, PointLayout, Points
 
 _VERSIONS = 0.1, 0.2
 _LEAST_SEEN = 0.3
@@ -91,7 +92,7 @@ def clip_of(
     plain = np.where((confidence > 0.0)[..., None], values, np.float32(0.0))
     fitted = fit_person(CACHE.recent(find_anchors, layout, bones, most=8), plain, confidence, fps, bones)
     points = Points(layout, values, confidence, fitted.framing)
-    notes = (*notes, DEPTH_NOTE, *fitted.notes)
+    notes = (*notes, *fitted.notes)
     return Clip(bones, fitted.local_rotations, fitted.root_positions, fps, name, notes=notes, points=points)
 
 
@@ -135,7 +136,24 @@ def encode(clip: Clip) -> bytes:
     """Encode the landmarks of a clip; of motion without any, those of a camera ahead of it (``landmarks.project``).
     Raises ``InputError`` if its arms are not known.
     """
-    points = project(clip) if clip.points is None else clip.points
+    return _encode(project(clip) if clip.points is None else clip.points, clip.fps)
+
+
+def pack_points(points: Points) -> bytes:
+    """Pack landmarks with their framing, deflated."""
+    framing = points.framing
+    head = struct.pack("<4d", framing.scale, framing.x, framing.y, framing.z)
+    return zlib.compress(head + _encode(points, 1.0), 6)
+
+
+def unpack_points(packed: bytes, most_bytes: int = 1 << 30) -> Points:
+    """Unpack landmarks. Raises ``InputError``, or an error of zlib or struct, for other bytes."""
+    content = zlib.decompressobj().decompress(packed, most_bytes)
+    layout, values, confidence, _, _ = read(content[32:])
+    return Points(layout, values[:, 0], confidence[:, 0], Framing(*struct.unpack_from("<4d", content)))
+
+
+def _encode(points: Points, fps: float) -> bytes:
     parts = [struct.pack("<f3HH", 0.2, *points.layout.size, len(points.layout.components))]
     for group in points.layout.components:
         parts += [_text(group.name), _text(group.format)]
@@ -143,7 +161,7 @@ def encode(clip: Clip) -> bytes:
         parts += [_text(name) for name in group.points]
         parts += [struct.pack("<2H", *limb) for limb in group.limbs]
         parts += [struct.pack("<3H", *color) for color in group.colors]
-    parts.append(struct.pack("<fIH", clip.fps, len(clip), 1))
+    parts.append(struct.pack("<fIH", fps, len(points), 1))
     return b"".join([*parts, points.values.astype("<f4").tobytes(), points.confidence.astype("<f4").tobytes()])
 
 

@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 from signsplice.errors import InputError
 from signsplice.formats.atomic import check_nothing_else, check_place, replacing_folder
+from signsplice.formats.pose import pack_points
 from signsplice.lexicon import store
 from signsplice.lexicon.frames import FRAMES, HEAD_BYTES, MAGIC, decode, encode, fingerprint
 from signsplice.lexicon.gloss import Entry, fold, gloss_of, kind_of
@@ -33,6 +34,7 @@ class PreparedWord:
     block: its encoded frames.
     warnings: warnings about the clip.
     card: what splices know of it by itself; empty if unknown.
+    points: its landmarks (``formats.pose.pack_points``); empty without any.
     """
 
     name: str
@@ -45,6 +47,7 @@ class PreparedWord:
     block: bytes
     warnings: tuple[str, ...] = ()
     card: bytes = b""
+    points: bytes = b""
 
     def entry(
         self, gloss: str, kind: str, synonyms: tuple[str, ...], signer: str, source: str, checked: bool = False
@@ -71,10 +74,13 @@ def prepare(clip: Clip, form: str, warns: bool = False, make_card: MakeCard | No
     rests = _rest_frames(clip)
     block = encode(clip, form)
     word = PreparedWord(clip.name, clip.fps, len(clip), has_translations, described, *rests, block, lines)
+    if clip.points is not None:
+        word = replace(word, points=pack_points(clip.points))
     if make_card is None or not rig_info(clip.skeleton).has_arms:
         return word
     entry = word.entry(clip.name, "sign", (), "", "")
     stored = decode(memoryview(block), form, has_translations, clip.skeleton, entry)
+    stored = stored if clip.points is None else replace(stored, points=clip.points)
     return replace(word, card=make_card(stored, entry.sha256))
 
 
@@ -150,7 +156,8 @@ class Builder:
         for folded, name in names.items():
             if folded in self._names:
                 raise InputError(f"gloss {name!r} stands twice: for {gloss} and for {self._names[folded]}")
-        added = dict(sorted((({store.CARD: word.card} if word.card else {}) | dict(extensions or {})).items()))
+        parts = {name: part for name, part in ((store.CARD, word.card), (store.POINTS, word.points)) if part}
+        added = dict(sorted((parts | dict(extensions or {})).items()))
         if not all(name.isprintable() and isinstance(value, bytes) for name, value in added.items()):
             raise InputError(f"extensions {', '.join(added)[:80]!r} of {gloss}, expected bytes by printable names")
         entry = word.entry(gloss, kind, tuple(names.values())[1:], signer, source, checked)

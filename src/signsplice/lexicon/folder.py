@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from signsplice.written.tree import WrittenSign
 
 
-_VERSION = 3
+_VERSION = 4
 """Version of the words that a stopped build has prepared."""
 _FILES_A_PROCESS = 50
 """Files that can be read in the time that a process takes to start."""
@@ -138,7 +138,7 @@ def build(
     folders, written = _folders_and_written(inputs)
     form = "int16" if compact else "float32"
     signs, refused = _read_written_signs(written, lenient)
-    files, left_out = gather(folders, output, recipe, signer)
+    files, left_out = gather(folders, output, recipe, signer, language)
     checks = " and ".join(f"`signsplice lexicon check {quote(str(folder))}`" for folder in folders)
     if left_out and not recipe:
         raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
@@ -372,7 +372,7 @@ def _word(
 ) -> PreparedWord | str:
     """Return a word of a file; ``faults``: of preferred files that could not be read."""
     try:
-        clip = CACHE.recent(SharedSkeletons, most=1).of(_trim_clip(clip, span))
+        clip = CACHE.recent(SharedSkeletons, most=1).of(trim_clip(clip, span))
         word = prepare(clip, task.form, warns=True, make_card=task.make_card)
     except InputError as error:
         return f"{path}: {error}"
@@ -380,9 +380,11 @@ def _word(
     return replace(word, warnings=lines)
 
 
-def _trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
-    """Return the frames of a clip between two times, seconds."""
+def trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
+    """Return the frames of a clip between two times, seconds. Tables of landmarks may give times of a longer film."""
     start, end = span
+    if end is not None and clip.points is not None:
+        end = min(end, clip.seconds)
     if start is None and end is None:
         return clip
     first = 0 if start is None else round(start * clip.fps)
@@ -413,7 +415,8 @@ def _key(task: FileTask) -> str:
 def _pack_word(word: PreparedWord | str) -> bytes:
     if isinstance(word, str):
         return json.dumps(word).encode() + b"\n"
-    return json.dumps({**vars(word), "block": len(word.block), "card": word.card.hex()}).encode() + b"\n" + word.block
+    kept = {"block": len(word.block), "card": word.card.hex(), "points": word.points.hex()}
+    return json.dumps({**vars(word), **kept}).encode() + b"\n" + word.block
 
 
 def _unpack(content: bytes) -> tuple[PreparedWord | str, ...]:
@@ -423,8 +426,7 @@ def _unpack(content: bytes) -> tuple[PreparedWord | str, ...]:
         word = json.loads(line)
         if isinstance(word, dict):
             block, content = content[: word["block"]], content[word["block"] :]
-            word = PreparedWord(
-                **{**word, "block": block, "card": bytes.fromhex(word["card"]), "warnings": tuple(word["warnings"])}
-            )
+            parts = {name: bytes.fromhex(word[name]) for name in ("card", "points")}
+            word = PreparedWord(**{**word, **parts, "block": block, "warnings": tuple(word["warnings"])})
         words.append(word)
     return tuple(words)

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from signsplice.written.tree import WrittenSign
 
 SHIPPED = Path(__file__).parent / "words"
+INDEX_TABLE = "index.csv"
+"""The table of a lexicon of spoken-to-signed (``indexed``)."""
 DEFAULT = "default"
 """Name of the shipped lexicon."""
 _SHIPPED_LANGUAGE = "ase"
@@ -455,9 +457,11 @@ def open_lexicon(
     sources = list[Source]()
     with ExitStack() as stack:
         for folder in map(lexicon_folder, (path, *others)):
-            words = _open_stored_words(folder)
+            words = _open_words(folder, signed)
             stack.enter_context(closing(words))
-            sources += [words, FormsOfSigns(words)] if folder.resolve() == SHIPPED.resolve() else [words]
+            sources.append(words)
+            if isinstance(words, StoredWords) and folder.resolve() == SHIPPED.resolve():
+                sources.append(FormsOfSigns(words))
         sources += [] if fallback is None else [WrittenWords(fallback)]
         sources.append(ShippedLetters())
         stack.pop_all()
@@ -472,6 +476,18 @@ def open_shipped_lexicon() -> Lexicon:
 def lexicon_folder(path: str | Path | None) -> Path:
     """Return the folder that ``open_lexicon`` opens for ``path``."""
     return SHIPPED if path is None or str(path) == DEFAULT else Path(path)
+
+
+def _open_words(folder: Path, language: str) -> Source:
+    """Open a folder with a table of spoken-to-signed as it is, any other as a lexicon that was built."""
+    if (folder / INDEX_TABLE).is_file():
+        from signsplice.lexicon.recordings import has_index
+
+        if has_index(folder):
+            from signsplice.lexicon.indexed import IndexedWords
+
+            return IndexedWords(folder, language)
+    return _open_stored_words(folder)
 
 
 def _open_stored_words(folder: Path) -> StoredWords:

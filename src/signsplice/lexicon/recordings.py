@@ -26,12 +26,14 @@ from signsplice.errors import FormatError, InputError
 from signsplice.formats import AS_WRITTEN, READ_SUFFIXES, ReadAs, roles
 from signsplice.formats.json_files import read_json
 from signsplice.formats.reading import read_bytes
-from signsplice.lexicon.gloss import fold, gloss_of, kind_of
+from signsplice.lexicon.gloss import LETTER_MARK, fold, gloss_of, kind_of
 from signsplice.lexicon.languages import check_signed
 from signsplice.rig.align import list_names
 from signsplice.rig.roles import CHANNELS
 
 TABLE = "glosses.csv"
+INDEX = "index.csv"
+"""The table of a lexicon of spoken-to-signed."""
 COLUMNS = ("file", "gloss", "synonyms", "signer", "source", "checked", "kind", "start", "end", "variant",
            "face", "owns", "fps", "face_fps", "take", "rest_frame", "roles", "language")  # fmt: skip
 _CHECKED = {"": False, "no": False, "unknown": False, "yes": True}
@@ -100,6 +102,73 @@ def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
     except csv.Error as error:
         faults.append(str(FormatError(f"is no table ({error})", file=file, line=reader.line_num)))
     return [*rows.values()], faults
+
+
+_INDEX_COLUMNS = {"path", "signed_language", "words", "glosses"}
+"""Columns by which the table of spoken-to-signed is known; others: spoken_language, start, end, priority, segment_*."""
+
+
+def has_index(folder: str | Path) -> bool:
+    """Return whether a folder holds a table ``index.csv`` of spoken-to-signed, and no ``glosses.csv``."""
+    folder = Path(folder)
+    if (folder / TABLE).exists() or not (folder / INDEX).is_file():
+        return False
+    head = read_bytes(folder / INDEX)[:2000].decode("utf-8-sig", "replace").partition("\n")[0]
+    return {cell.strip() for cell in head.split(",")} >= _INDEX_COLUMNS
+
+
+def read_index(path: str | Path, language: str = "") -> list[GlossRow]:
+    """Read the rows of spoken-to-signed's table: glosses by their best priority, further rows of a gloss as variants
+    (HAUS-2), words as synonyms; letters if every row names a single character. A row's segment, if any, is its span.
+
+    language: code of the signed language whose rows are read. Raises ``FormatError`` for other tables, and
+    ``InputError`` if it has rows of several languages and none is given, or none of the given one.
+    """
+    file = str(path)
+    reader = csv.DictReader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""))
+    languages, ranked = set[str](), list[tuple[int, int, dict[str, str]]]()
+    try:
+        for cells in reader:
+            fields = {name: (cells.get(name) or "").strip() for name in reader.fieldnames or ()}
+            languages.add(fields["signed_language"])
+            if language in ("", fields["signed_language"]):
+                ranked.append((int(fields.get("priority") or 0), reader.line_num, fields))
+    except (csv.Error, KeyError, ValueError) as error:
+        raise FormatError(f"is no table of a lexicon ({str(error)[:80]})", file=file, line=reader.line_num) from error
+    known = ", ".join(sorted(languages))
+    if not language and len(languages) > 1:
+        raise InputError(f"{file}: holds signs of {known}: choose one by its code (--language)")
+    if not ranked:
+        raise InputError(f"{file}: holds no signs of {language or 'any language'}, but of {known or 'none'}")
+    rows, seen = list[GlossRow](), set[str]()
+    mark = LETTER_MARK if all(len(fields["glosses"] or fields["words"]) == 1 for _, _, fields in ranked) else ""
+    for _, line, fields in sorted(ranked, key=lambda row: row[:2]):
+        try:
+            rows.append(_index_row(fields, line, seen, mark))
+        except (InputError, ValueError) as error:
+            raise FormatError(str(error)[:300], file=file, line=line) from error
+    return rows
+
+
+def _index_row(fields: dict[str, str], line: int, seen: set[str], mark: str) -> GlossRow:
+    """Return the row of a line; ``seen``: folded glosses and synonyms of earlier rows, which it extends; ``mark``:
+    before every gloss.
+    """
+    names = [gloss_of(mark + text) for text in (fields["glosses"], fields["words"]) if text]
+    if not names or not fields["path"]:
+        raise InputError("no gloss or no path, expected both")
+    gloss, number = names[0], 1
+    while fold(gloss) in seen:
+        number += 1
+        gloss = f"{names[0]}-{number}"
+    synonyms = tuple(name for name in dict.fromkeys(names[1:]) if fold(name) not in {*seen, fold(gloss)})
+    seen |= {fold(name) for name in (gloss, *synonyms)}
+    times = [int(fields.get(name) or 0) for name in ("segment_start", "segment_end", "start", "end")]
+    start, end = times[:2] if times[1] > times[0] else times[2:]
+    span = (start / 1000.0 if start else None, end / 1000.0 if end else None)
+    return GlossRow(
+        _path(fields["path"]), gloss, synonyms, line=line, span=span, language=check_signed(fields["signed_language"])
+    )
 
 
 def _check_head(head: list[str], file: str) -> None:
@@ -335,20 +404,26 @@ def _preference(groups: dict[str, str | None], kinds: Sequence[str]) -> tuple[li
     return date, take, -kinds.index(kind) if kind in kinds else -len(kinds)
 
 
-def find_word_files(folder: str | Path, signer: str = "", table: str | Path = "") -> tuple[list[WordFile], list[str]]:
+def find_word_files(
+    folder: str | Path, signer: str = "", table: str | Path = "", language: str = ""
+) -> tuple[list[WordFile], list[str]]:
     """Return every clip below a folder, sorted by name, and the faults of file names and table, one line each.
 
-    table: restricts the clips to those that it names; ``glosses.csv``, read otherwise, need not name all. Searches
-    subfolders, except hidden ones and links. Raises ``InputError`` if there is no clip or a folder cannot be read.
+    table: restricts the clips to those that it names; ``glosses.csv``, read otherwise, need not name all. Of a folder
+    with an ``index.csv`` of spoken-to-signed its rows of a signed ``language`` are read. Searches subfolders, except
+    hidden ones and links. Raises ``InputError`` if there is no clip or a folder cannot be read.
     """
     folder = Path(folder)
     files = {unicodedata.normalize("NFC", path.relative_to(folder).as_posix()): path for path in _files(folder)}
     path_of_table = Path(table or folder / TABLE)
     rows: list[GlossRow] = []
     faults: list[str] = []
+    is_indexed = not table and has_index(folder)
+    if is_indexed:
+        path_of_table = folder / INDEX
     if table or path_of_table.exists():
         try:
-            rows, faults = read_table(path_of_table)
+            rows, faults = (read_index(path_of_table, language), []) if is_indexed else read_table(path_of_table)
         except InputError as error:
             faults = [str(error)]
     by_file: defaultdict[str, list[GlossRow]] = defaultdict(list)
@@ -357,7 +432,7 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
     words: list[WordFile] = []
     roles_of: dict[str, dict[str, str]] = {}
     for name, path in files.items():
-        for row in by_file.pop(name, [] if table else [GlossRow(name)]):
+        for row in by_file.pop(name, [] if table or is_indexed else [GlossRow(name)]):
             try:
                 gloss = row.gloss or gloss_of(path.stem)
                 named = replace(row, gloss=gloss, signer=row.signer or signer, source=row.source or row.file)
@@ -381,10 +456,10 @@ def find_word_files(folder: str | Path, signer: str = "", table: str | Path = ""
 
 
 def gather(
-    folders: Sequence[str | Path], output: str | Path, recipe: str, signer: str
+    folders: Sequence[str | Path], output: str | Path, recipe: str, signer: str, language: str = ""
 ) -> tuple[list[WordFile], list[str]]:
     """Return the words of all folders, each gloss once, and a line for each fault or, with a recipe, for each file left
-    out. Raises ``InputError`` if a folder contains the output or lies in it.
+    out. ``language``: as in ``find_word_files``. Raises ``InputError`` if a folder contains the output or lies in it.
     """
     words, lines, target = list[WordFile](), list[str](), Path(output).resolve()
     for folder in folders:
@@ -394,7 +469,7 @@ def gather(
         if _is_archive(recipe):
             folder_words, faults = _recordings(Path(folder), _files(Path(folder)), find_recipe(recipe), signer)
         else:
-            folder_words, faults = find_word_files(folder, signer, recipe)
+            folder_words, faults = find_word_files(folder, signer, recipe, language)
         hidden = {word for word, _ in _duplicates(folder_words)} if recipe else set()
         words += (word for word in folder_words if word not in hidden)
         lines += faults
@@ -420,7 +495,12 @@ def unread(folders: Iterable[str | Path], words: Iterable[WordFile], recipe: str
     other kinds, which are neither clips nor faces, roles or tables of the words.
     """
     end, reason = find_recipe(recipe).unread if _is_archive(recipe) else ("", "")
-    named = {TABLE, Path(recipe).name, *(Path(name).name for word in words for name in (word.row.face, word.row.roles))}
+    named = {
+        TABLE,
+        INDEX,
+        Path(recipe).name,
+        *(Path(name).name for word in words for name in (word.row.face, word.row.roles)),
+    }
     paths = {path for folder in folders for path in _visible(Path(folder)) if path.name not in named}
     read = {path for path in paths if path.suffix.lower() in (*READ_SUFFIXES, *_READ_WITH)}
     stems = {path.with_suffix("") for path in read}

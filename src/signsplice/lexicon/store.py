@@ -20,7 +20,7 @@ import threading
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -28,6 +28,7 @@ from typing import Any, get_args, get_type_hints
 from signsplice.errors import InputError
 from signsplice.formats import skeletons
 from signsplice.formats.json_files import check_type, parse_json
+from signsplice.formats.pose import unpack_points
 from signsplice.formats.reading import open_file
 from signsplice.lexicon.frames import FORMS, FRAMES, HEAD_BYTES, MAGIC, decode, fingerprint
 from signsplice.lexicon.gloss import KINDS, Entry, fold
@@ -43,6 +44,8 @@ APPLICATION_ID = 0x53_50_4C_58
 """SQLite's application id in the file's header, which identifies a lexicon's index."""
 OWNS = "owns"
 """The extension that holds the channels of a word's own, separated by ``;``."""
+POINTS = "points"
+"""The extension that holds the word's landmarks (``formats.pose.pack_points``)."""
 LANGUAGE = "language"
 """The extension that holds the code of the word's signed language (``languages``)."""
 CARD = "card"
@@ -395,11 +398,14 @@ class StoredWords:
         try:
             skeleton, _ = self._skeleton(location.skeleton)
             clip = decode(block, self.form, location.has_translations, skeleton, entry)
+            extensions = self._index.extensions(entry.gloss)
+            if POINTS in extensions:
+                clip = replace(clip, points=unpack_points(extensions[POINTS]))
         except Exception as error:  # any error that damaged bytes cause
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error
         self._verify(entry, location)
-        clip.derived[stored_card] = StoredCard(entry.sha256, self._index.extensions(entry.gloss).get(CARD, b""))
+        clip.derived[stored_card] = StoredCard(entry.sha256, extensions.get(CARD, b""))
         return clip
 
     def _verify(self, entry: Entry, location: ClipLocation) -> None:

@@ -129,9 +129,9 @@ class Planner:
         shown, recorded = resampled, aligned.clip
         if held_clip is not clip:
             shown, recorded = resampled[resampled_span], aligned.clip[motion.start : motion.stop]
-        known = (DEPTH_NOTE,) if index else ()  # of every word with landmarks, said once
-        lines = [line for line in clip_warnings(clip) if line not in known]
-        warnings = (*(f"{clip.name}: {line}" for line in lines), *aligned.warnings)
+        warnings = (*(f"{clip.name}: {line}" for line in clip_warnings(clip)), *aligned.warnings)
+        if clip.points is not None and not index:
+            warnings = (*warnings, DEPTH_NOTE)
         if (clip.points is None) != (to.landmarks is None) and index:
             which = "has no landmarks" if clip.points is None else f"has landmarks, {to.name} has none"
             warnings = (*warnings, f"{clip.name}: {which}: the sentence is made without any")
