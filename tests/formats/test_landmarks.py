@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -349,3 +351,51 @@ def test_words_are_cut_between_their_rise_and_their_fall(seen: dict[str, Clip]) 
             ends = min(heights[start - 1], heights[stop])
             assert heights[start:stop].min() > ends - 0.05, "the arms do not drop between the words"
             assert ends > -0.25, "nor do the words end at rest"
+
+
+@dataclass
+class FakeBody:
+    """A body of pose-format: frames, people, points, coordinates."""
+
+    fps: float
+    data: Any
+    confidence: Any
+
+
+@dataclass
+class FakePose:
+    """A pose of pose-format."""
+
+    header: Any
+    body: FakeBody
+
+
+def as_pose(clip: Clip) -> FakePose:
+    """A clip's landmarks as an object with the attributes of ``pose_format.Pose``."""
+    points = clip.points
+    assert points is not None
+    width, height, depth = points.layout.size
+    header = SimpleNamespace(
+        components=points.layout.components, dimensions=SimpleNamespace(width=width, height=height, depth=depth)
+    )
+    data = np.ma.masked_array(points.values[:, None], np.repeat(points.confidence[:, None, :, None] <= 0.0, 3, axis=3))
+    return FakePose(header, FakeBody(clip.fps, data, points.confidence[:, None]))
+
+
+def test_stitch_takes_and_gives_poses(seen: dict[str, Clip]) -> None:
+    poses = [as_pose(seen[word]) for word in WORDS[:3]]
+    joined = ss.stitch(poses)
+    assert joined.header is poses[0].header
+    assert joined.body.data.shape[1:] == (1, len(HOLISTIC.names), 3)
+    assert joined.body.confidence.shape == joined.body.data.shape[:3]
+    expected = ss.splice([seen[word] for word in WORDS[:3]], ss.SpliceOptions(tempo="natural")).clip.points
+    assert expected is not None
+    assert np.array_equal(np.ma.getdata(joined.body.data)[:, 0], expected.values)
+    spans = [(10, 60), None, (5, 50)]
+    assert len(ss.stitch(poses, signing_spans=spans).body.data) < len(joined.body.data) + 10
+    with pytest.raises(InputError, match="no poses"):
+        ss.stitch([])
+    crowd = as_pose(seen["HELLO"])
+    crowd.body.data = np.concatenate([crowd.body.data] * 2, axis=1)
+    with pytest.raises(InputError, match="pose 1: 86 frames of 2 people"):
+        ss.stitch([poses[0], crowd])

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signsplice.body.landmark_fit import fit_person
 from signsplice.body.landmarks import find_anchors, project
 from signsplice.errors import InputError
 from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
@@ -87,6 +86,8 @@ def clip_of(
     limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Clip:
     """Return the clip of a standard person fitted to landmarks (T, P, D). Raises the errors of ``parse``."""
+    from signsplice.body.landmark_fit import fit_person  # it imports scipy, which stored landmarks do not need
+
     bones = CACHE.recent(skeleton, 52, most=2)
     limits.check_clip(len(values), len(bones), fps, values.nbytes + confidence.nbytes, values.nbytes, name)
     plain = np.where((confidence > 0.0)[..., None], values, np.float32(0.0))
