@@ -204,9 +204,9 @@ def layout_of(names: Sequence[str], group: str = "BODY_135", form: str = "XYC") 
 def test_points_of_other_detectors_belong_to_the_same_joints(seen: dict[str, Clip]) -> None:
     skeleton = seen["HELLO"].skeleton
     names = [skeleton.names[joint] for joint in find_anchors(
-        layout_of(["LShoulder", "RElbow", "LWrist", "LThumb1CMC", "RIndex4FingerTip", "RPupil", "LHip"]), skeleton
+        layout_of(["LShoulder", "RElbow", "LWrist", "LThumb1CMC", "RPinky4FingerTip", "RPupil", "LHip"]), skeleton
     ).joints]  # fmt: skip
-    assert names == ["left_shoulder", "right_elbow", "left_wrist", "left_thumb1", "right_index3", "head", "left_hip"]
+    assert names == ["left_shoulder", "right_elbow", "left_wrist", "left_thumb1", "right_pinky3", "head", "left_hip"]
     openpose = find_anchors(layout_of([f"P{n}" for n in range(21)], "hand_right_keypoints_2d"), skeleton)
     assert [skeleton.names[j] for j in openpose.joints[[0, 1, 5, 8, 20]]] == [
         "right_wrist", "right_thumb1", "right_index1", "right_index3", "right_pinky3",

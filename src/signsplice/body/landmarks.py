@@ -27,7 +27,7 @@ _BODY = {
 """Words of a body point's name -> role of the joint that it hangs on, without the side."""
 _AT_JOINT = ("shoulder", "elbow", "wrist", "hip")
 """Those that are the joint."""
-_FINGER_POINTS = re.compile(r"(thumb|index|middle|ring|pinky)([1-4])")
+_FINGER_POINTS = re.compile(r"(thumb|index|middle|ring|pinky|little)([1-4])")
 FACE_MESH = {
     "1": (0.0, 0.045, 0.115), "152": (0.0, -0.025, 0.075), "10": (0.0, 0.145, 0.085), "33": (-0.045, 0.09, 0.068),
     "263": (0.045, 0.09, 0.068), "133": (-0.016, 0.09, 0.074), "362": (0.016, 0.09, 0.074), "61": (-0.026, 0.01, 0.085),
@@ -88,7 +88,8 @@ def _anchor(component: str, n_points: int, number: int, point: str) -> tuple[str
     word = name.removeprefix("left").removeprefix("right")
     word = word if word != name else name[1:]
     if finger := _FINGER_POINTS.match(word):
-        return _hand_point(side, [f.lower() for f in FINGERS].index(finger[1]), int(finger[2]) - 1)
+        names = [name.lower() for name in FINGERS]
+        return _hand_point(side, names.index(finger[1].replace("pinky", "little")), int(finger[2]) - 1)
     if "face" not in group:
         for text, role in _BODY.items():
             if word.endswith(text):
