@@ -96,8 +96,9 @@ def test_a_word_is_spelled_in_the_alphabet_of_its_sentence(words: dict[str, Lexi
         hello, zoe = parse("hello zoe fs-B", shipped, language="gss")[:2]
         with pytest.raises(UnknownGlossError, match="the words that ship, without letters of gss: no gloss 'zoe'"):
             parse("zoe", shipped, language="gss")
-        marked = parse("fs-a@gsg, hello@gsg", shipped)
+        marked = parse("fs-a@gsg, hello@gsg fs-Schß@gsg.", shipped)
     assert [(token.glosses, token.pause) for token in marked[:2]] == [(("fs-A@GSG",), ","), (("HELLO",), "")]
+    assert (marked[-1].glosses, marked[-1].pause) == (("fs-SCH@GSG", "fs-ß@GSG"), ".")
     assert (hello.language, zoe.glosses) == ("ase", ())
     assert "no letters of gss for it" in zoe.warning
     assert parse("Haus zoe", words["none"])[1].glosses == (), "its language is unknown, and so is its alphabet"

@@ -116,9 +116,9 @@ def _tokens(units: Sequence[SentenceToken]) -> Iterator[str]:
     glosses = iter(line_glosses(units))
     for unit in filter(lambda unit: unit.glosses, units):
         *_, last = islice(glosses, len(unit.glosses))
-        letters = [gloss.removeprefix(LETTER_MARK) for gloss in unit.glosses if gloss.startswith(LETTER_MARK)]
-        is_typable = unit.spelled and letters and "@" not in "".join(letters)
-        *before, final = [LETTER_MARK + "".join(letters)] if is_typable else unit.glosses
+        letters = [gloss[len(LETTER_MARK) :].partition("@") for gloss in unit.glosses if gloss.startswith(LETTER_MARK)]
+        spelled = [LETTER_MARK + "".join(letter for letter, *_ in letters) + "".join(letters[0][1:])] if letters else []
+        *before, final = spelled if unit.spelled and letters else unit.glosses
         yield from (*before, final + (last.pause or ""))
 
 

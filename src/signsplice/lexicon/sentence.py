@@ -32,8 +32,8 @@ _ALIKE = str.maketrans(dict.fromkeys("\u2018\u2019\u02bc`\u00b4", "'") | dict.fr
 _WORD = re.compile(r"w(?:\.w)+\.?(?![wd])|#?[wd]+(?:(?:['-]|(?<=d)[.,](?=d))[wd]+)*")
 """A word by the classes of its characters (``_class``): an acronym with points, or letters and digits with apostrophes
 and hyphens between them, or points and commas between digits."""
-_NUMBERED = re.compile(r"((.+)#\d+|.+@[a-z]{3})(\W*)", re.IGNORECASE)
-"""GLOSS#2, its gloss, and punctuation; or the gloss of a letter that ships (fs-A@GSG), and punctuation."""
+_NUMBERED = re.compile(rf"((.+)#\d+|fs-.+@(?:{'|'.join(ALPHABETS)}))(\W*)", re.IGNORECASE)
+"""GLOSS#2, its gloss, and punctuation; or fs-A@GSG, letters of an alphabet that ships, and punctuation."""
 _ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th|er?|[eè]me|[sd]e|os?|η)", re.IGNORECASE)
 _SYMBOLS = {"$": "dollar", "€": "euro", "£": "pound", "¥": "yen", "%": "percent"}
 """Symbols beside numbers, and the words that they are read as."""
@@ -76,7 +76,7 @@ def split_words(text: str, is_known: Callable[[str], bool], language: str = "en"
             typed_words.append(TypedWord(token, token))
             continue
         numbered = _NUMBERED.fullmatch(token)
-        if numbered and is_known(numbered[2] or numbered[1]):
+        if numbered and (not numbered[2] or is_known(numbered[2])):
             typed_words.append(TypedWord(numbered[1], token, ends_phrase=bool(numbered[3]), pause=_pause(numbered[3])))
             continue
         words, before = _words(token, language)
@@ -453,8 +453,11 @@ def _mark(text: str) -> str:
 
 
 def _fingerspell_token(token: str, alphabet: _Letters) -> SentenceToken:
-    """Fingerspell a token that begins with one of ``SPELLED_MARKS``."""
-    word = token[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
+    """Fingerspell a token that begins with one of ``SPELLED_MARKS``, and may end with @ and one of ``ALPHABETS``."""
+    marked, _, code = token.rpartition("@")
+    is_named = code.lower() in ALPHABETS and bool(marked)
+    alphabet = replace(alphabet, language=code.lower()) if is_named else alphabet
+    word = (marked if is_named else token)[len(_mark(token)) :].replace(_HYPHEN, "").replace(_APOSTROPHE, "")
     letters = alphabet.spell(word)
     if not letters or () in letters:
         letter = alphabet.split(word)[letters.index(())] if letters else _HYPHEN
