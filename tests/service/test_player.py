@@ -201,7 +201,7 @@ def test_react_sets_properties_and_hears_events(seen: dict[str, Any]) -> None:
 
 def test_without_a_service_an_avatar_copies_rotations_and_that_is_said(seen: dict[str, Any]) -> None:
     assert seen["own"]["isCopied"] is True
-    assert seen["own"]["warnings"] == ["avatar.vrm turns its joints as signed: hands do not keep their contacts."]
+    assert seen["own"]["warnings"] == ["avatar.vrm turns its joints as signed: hands do not keep their contacts"]
     assert seen["own"]["drawn"] > 0.05
     assert seen["own"]["isCopiedAgain"] is True, "a .glb without a VRM part"
     assert seen["own"]["drawnAgain"] > 0.05

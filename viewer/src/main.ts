@@ -71,12 +71,13 @@ class App {
     const words = spelled(scene).join(', ');
     const without = leftOut(scene).join(', ');
     const name = titleOf(scene);
-    status(
-      (words && translate('spelled', { words })) +
-        (without && translate('leftOut', { words: without })) +
-        translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }) +
-        (avatar ? translate(people[0]!.isCopied ? 'copied' : 'fitted', { avatar: avatar.name }) : ''),
-    );
+    const parts = [
+      words && translate('spelled', { words }),
+      without && translate('leftOut', { words: without }),
+      translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }),
+      avatar && translate(people[0]!.isCopied ? 'copied' : 'fitted', { avatar: avatar.name }),
+    ];
+    status(parts.filter(Boolean).join(translate('and')));
     document.title = `${name} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!this.figure.show) void this.figure.flat(scene.units.map(({ token }) => token), live ? own : null);

@@ -10,6 +10,7 @@ import socket
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager
+from dataclasses import replace
 from importlib.metadata import version
 from math import ceil
 from typing import Annotated, Any, Literal, TypeVar
@@ -115,19 +116,21 @@ class Service:
         return all(worker.is_warm for worker in self._workers)
 
     async def sign(
-        self, call: Request, request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: work.Upload = None
+        self, call: Request, request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None
     ) -> work.Answer:
         """Answer a sentence: at once if it is quick, else by a long job. Raises as ``run``."""
         with self.requests.hold(call):
-            seconds = _UPLOAD_SECONDS
-            if upload is None:
-                upload = self.avatars.content(request.avatar)
-                job = work.splice_if_quick, request, file, upload
-                quick = await self.run(call, self.quick_workers, work.QUICK_SECONDS, *job)
-                if isinstance(quick, work.Answer):
-                    return quick
-                seconds = quick
-            return await self.run(call, self.long_workers, seconds, work.splice_glosses, request, file, upload)
+            job = work.splice_if_quick, request, file, upload
+            quick = await self.run(call, self.quick_workers, work.QUICK_SECONDS, *job)
+            if isinstance(quick, work.Answer):
+                return quick
+            return await self.run(call, self.long_workers, quick, work.splice_glosses, request, file, upload)
+
+    async def read_avatar(self, call: Request, file: UploadFile) -> bytes:
+        """Return an uploaded avatar, as jobs take it. Raises as ``run``."""
+        with self.requests.hold(call):
+            job = work.pickle_avatar, safe_name(file.filename or "avatar"), await file.read()
+            return await self.run(call, self.long_workers, _UPLOAD_SECONDS, *job)
 
     async def run(
         self, call: Request, workers: Sequence[Worker], seconds: float, job: Callable[..., ResultT], *args: object
@@ -244,7 +247,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     ) -> Response:
         """Sign glosses, or a line of them as text: one animation, and the report of its seams."""
         _check_line(request, settings)
-        return _response(await service.sign(call, request, file))
+        return _response(await service.sign(call, request, file, service.avatars.content(request.avatar)))
 
     @app.post("/v1/fit", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def fit(
@@ -258,16 +261,13 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         _check_line(request, settings)
         if request.avatar is not None:
             raise InputError("options: an avatar is named, expected none beside the one that is uploaded")
-        uploaded = safe_name(avatar.filename or "avatar"), await avatar.read()
-        return _response(await service.sign(call, request, file, uploaded))
+        upload = await service.read_avatar(call, avatar)
+        return _response(await service.sign(call, replace(request, avatar="upload"), file, upload))
 
     @app.post("/v1/avatar", responses=_FAILURES)
     async def upload_avatar(call: Request, avatar: _AvatarFile) -> wire.UploadedAvatar:
         """Upload an avatar once; requests and streams then name its id."""
-        with service.requests.hold(call):
-            job = work.pickle_avatar, safe_name(avatar.filename or "avatar"), await avatar.read()
-            content = await service.run(call, service.long_workers, _UPLOAD_SECONDS, *job)
-        return wire.UploadedAvatar(service.avatars.add(caller(call), content))
+        return wire.UploadedAvatar(service.avatars.add(caller(call), await service.read_avatar(call, avatar)))
 
     @app.post("/v1/splice", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections import OrderedDict
+from collections import Counter
 from dataclasses import dataclass
 from secrets import token_urlsafe
 
@@ -20,23 +20,34 @@ class _Upload:
 
 class UploadedAvatars:
     """Uploaded avatars by id, in memory. One that no request names for ``avatar_seconds`` is dropped; beyond
-    ``max_client_avatars`` and ``max_avatar_bytes``, those named least recently are.
+    ``max_client_avatars`` and ``max_avatar_bytes``, that one of the client, or of the one with most bytes, that was
+    named least recently.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._uploads: OrderedDict[str, _Upload] = OrderedDict()
+        self._uploads: dict[str, _Upload] = {}
 
     def add(self, client: str, content: bytes) -> str:
         """Keep an avatar, as ``work.pickle_avatar`` returns it, and return its id."""
         key = f"upload-{token_urlsafe(16)}"
         self._keep(key, client, content)
-        own = [each for each, upload in self._uploads.items() if upload.client == client]
-        for each in own[: -self._settings.max_client_avatars]:
-            self._drop(each)
-        while sum(len(upload.content) for upload in self._uploads.values()) > self._settings.max_avatar_bytes:
-            self._drop(next(iter(self._uploads)))
+        if len(self._ids(client)) > self._settings.max_client_avatars:
+            self._drop(self._ids(client)[0])
+        while (sizes := self._sizes()).total() > self._settings.max_avatar_bytes:
+            self._drop(self._ids(sizes.most_common(1)[0][0])[0])
         return key
+
+    def _ids(self, client: str) -> list[str]:
+        """Return the ids of a client's avatars, the one named least recently first."""
+        return [key for key, upload in self._uploads.items() if upload.client == client]
+
+    def _sizes(self) -> Counter[str]:
+        """Return the bytes of every client's avatars."""
+        sizes = Counter[str]()
+        for upload in self._uploads.values():
+            sizes[upload.client] += len(upload.content)
+        return sizes
 
     def content(self, name: str | None) -> bytes | None:
         """Return the avatar that a request names, as it was added; None for no name, or an avatar of the settings.

@@ -75,7 +75,7 @@ class Settings:
     max_client_streams: int = 50
     """Of these, streams from one address."""
     max_avatar_bytes: int = 512 * MIB
-    """Memory of all uploaded avatars, of which one may take a quarter; then the one named least recently is dropped."""
+    """Memory of all uploaded avatars, of which one may take a quarter; then one of the client with most is dropped."""
     max_client_avatars: int = 4
     """Uploaded avatars from one address; then the one named least recently is dropped."""
     avatar_seconds: float = 3600.0

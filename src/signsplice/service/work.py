@@ -161,14 +161,12 @@ def warm_up(is_quick: bool) -> None:
 
 
 Requested = wire.SentenceRequest | wire.SpliceRequest
-Upload = tuple[str, bytes] | bytes | None
-"""An avatar that a client sent: the name and content of its file, or what ``pickle_avatar`` made of them; None: the
-request names one of the service's, or none.
-"""
 
 
 def pickle_avatar(name: str, content: bytes) -> bytes:
-    """Return the avatar in a file, read, for later jobs. Raises ``InputError``, also if it takes too much memory."""
+    """Return the avatar in an uploaded file for later jobs, their ``upload``. Raises ``InputError``, also if it takes
+    too much memory.
+    """
     pickled = pickle.dumps(parse_avatar(content, name, _worker.settings.read_limits), pickle.HIGHEST_PROTOCOL)
     limit = _worker.settings.max_avatar_bytes // 4
     if len(pickled) > limit:
@@ -177,17 +175,16 @@ def pickle_avatar(name: str, content: bytes) -> bytes:
     return pickled
 
 
-def _avatar(name: str | None, upload: Upload) -> Avatar | None:
-    if isinstance(upload, bytes):
-        avatar: Avatar = pickle.loads(upload)
-        return avatar
-    if upload is not None:
-        return parse_avatar(upload[1], upload[0], _worker.settings.read_limits)
-    return None if name is None else _worker.avatar(name)
+def _avatar(name: str | None, upload: bytes | None) -> Avatar | None:
+    """Return an uploaded avatar, else one of the service's by name."""
+    if upload is None:
+        return None if name is None else _worker.avatar(name)
+    avatar: Avatar = pickle.loads(upload)
+    return avatar
 
 
 def splice_if_quick(
-    request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: Upload = None
+    request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None = None
 ) -> Answer | float:
     """Answer a sentence as ``splice_glosses`` if that is quick, else return the work that it takes at least, seconds.
 
@@ -237,7 +234,7 @@ def _check_work(
     return seconds
 
 
-def splice_glosses(request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: Upload = None) -> Answer:
+def splice_glosses(request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None = None) -> Answer:
     """Answer a sentence with one ``file`` of it, or all as JSON, on an avatar if one is named or uploaded. Raises
     ``InputError``.
     """
@@ -252,7 +249,7 @@ def splice_files(
     files: Sequence[tuple[str, bytes]],
     request: wire.SpliceRequest,
     file: wire.AnswerFile | None,
-    upload: Upload = None,
+    upload: bytes | None = None,
 ) -> Answer:
     """Answer files (name, content), in order, with one ``file`` of the splice, or all as JSON. A file of written signs
     stands for all of its signs.
@@ -335,7 +332,7 @@ def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds
 # --- streams ---
 
 
-def open_stream(key: str, opening: wire.OpenMessage, upload: Upload = None) -> None:
+def open_stream(key: str, opening: wire.OpenMessage, upload: bytes | None = None) -> None:
     """Begin a growing sentence, of words that are fitted to an avatar if one is named or uploaded. Raises
     ``InputError``.
     """
