@@ -199,7 +199,7 @@ def test_a_change_of_any_source_makes_the_page_anew(tmp_path: Path) -> None:
     hatch_build = module("hatch_build.py")
     shutil.copy(ROOT / "Makefile", tmp_path)
     built = tmp_path / hatch_build.PAGE / "index.html"
-    sources = [tmp_path / "viewer" / name for name in ("build.mjs", "tsconfig.json", "src/main.ts", "src/fit/fit.ts")]
+    sources = [tmp_path / "viewer" / name for name in ("build.mjs", "tsconfig.json", "src/main.ts", "src/page/part.ts")]
     others = [tmp_path / "viewer" / name for name in ("package-lock.json", "node_modules/.package-lock.json")]
     for path in (built, *sources, *others):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -220,10 +220,10 @@ def test_a_change_of_any_source_makes_the_page_anew(tmp_path: Path) -> None:
         os.utime(source, (1.2e9, 1.2e9))
         assert answers() == (False, False), source
         set_all()
-    (tmp_path / "viewer/src/fit/new.ts").write_text("")
+    (tmp_path / "viewer/src/page/new.ts").write_text("")
     assert answers() == (False, False)
     set_all()
-    (tmp_path / "viewer/src/fit/new.ts").unlink()
+    (tmp_path / "viewer/src/page/new.ts").unlink()
     assert answers() == (False, False)
     set_all()
     built.unlink()

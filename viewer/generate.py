@@ -1,64 +1,20 @@
-"""Writes the page's generated files: the wire's dataclasses, and the constants of bodies and fits, as TypeScript.
-
-python viewer/generate.py          # after a change of service/wire.py or of those constants
-"""
+"""Writes the wire's dataclasses as TypeScript: ``python viewer/generate.py`` after a change of service/wire.py."""
 
 from __future__ import annotations
 
-import json
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass
 from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
 from pydantic.fields import FieldInfo
 
-from signsplice.body import arm_ik, capsules, fit, retarget, skin, skin_contacts, skin_surface, swivel, thumb_contacts
-from signsplice.formats import FORMATS, gltf_mesh
-from signsplice.rig import info, t_pose
+from signsplice.formats import FORMATS
 from signsplice.service import wire
 
-SOURCES = Path(__file__).resolve().parent / "src"
-_BODIES = (
-    *(t_pose, info, capsules, gltf_mesh, skin_surface, skin, fit, skin_contacts, swivel, arm_ik, thumb_contacts),
-    retarget,
-)
-_CONSTANTS = (int, float, tuple, dict, set, np.ndarray)
+FILE = Path(__file__).resolve().parent / "src" / "wire.ts"
 _PLAIN = {str: "string", float: "number", int: "number", bool: "boolean", type(None): "null"}
-
-
-def files() -> dict[str, str]:
-    """The texts of the generated files by their names in ``viewer/src``."""
-    return {"wire.ts": render(), "fit/constants.ts": constants()}
-
-
-def constants() -> str:
-    """The text of ``fit/constants.ts``: the constants of the modules that know bodies and fit motion to them."""
-    parts = ["// Generated from the Python modules of the same names; do not edit."]
-    for module in _BODIES:
-        found = {
-            name.lstrip("_"): _literal(value)
-            for name, value in vars(module).items()
-            if name.lstrip("_").isupper() and (type(value) in _CONSTANTS or is_dataclass(value))
-        }
-        rows = [f"  {name}: {value}," for name, value in found.items()]
-        name = module.__name__.rpartition(".")[2]
-        parts.append("\n".join([f"export const {name} = {{", *rows, "} as const;"]))
-    return "\n\n".join(parts) + "\n"
-
-
-def _literal(value: Any) -> str:
-    """The TypeScript of a constant: of a dataclass, a field a line."""
-    if is_dataclass(value):
-        rows = [f"    {field.name}: {_literal(getattr(value, field.name))}," for field in fields(value)]
-        return "\n".join(["{", *rows, "  }"])
-    return json.dumps(value, ensure_ascii=False, default=_plain)
-
-
-def _plain(value: np.ndarray | set[str]) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else sorted(value)
 
 
 def render() -> str:
@@ -117,5 +73,4 @@ def _type(hint: Any) -> str:
 
 
 if __name__ == "__main__":
-    for name, text in files().items():
-        (SOURCES / name).write_text(text, encoding="utf-8")
+    FILE.write_text(render(), encoding="utf-8")

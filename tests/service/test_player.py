@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -19,7 +20,12 @@ import pytest
 
 import avatars
 from browsing import CHROMIUM, VIEWER, drive
+from known_rigs import RIGS, skeleton_of
 from serving import serving
+from signsplice.body.capsules import Avatar, build_capsules
+from signsplice.formats.avatar import pack
+from signsplice.motion import kinematics, rotation
+from signsplice.rig.info import rig_info
 
 pytestmark = [
     pytest.mark.slow,
@@ -78,13 +84,40 @@ def site(installed: Path) -> Iterator[str]:
         server.shutdown()
 
 
+def looped(content: bytes, loop: list[list[Any]]) -> bytes:
+    """A .glb with more nodes; "mesh" stands for the node of its mesh, numbers for the new ones."""
+    size = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + size])
+    n = len(document["nodes"])
+    mesh = next(node for node, fields in enumerate(document["nodes"]) if "mesh" in fields)
+    document["nodes"] += [{"children": [mesh if c == "mesh" else n + c for c in children]} for children in loop]
+    return pack(document, content[28 + size :])
+
+
+def with_hanging_arms(avatar: Avatar) -> Avatar:
+    """The avatar with arms that hang a little at rest."""
+    offsets, joints = np.array(avatar.offsets), rig_info(avatar).roles.joints
+    for side, turn in (("left", -0.6), ("right", 0.6)):
+        arm = kinematics.subtree(avatar, joints[f"{side}UpperArm"])[1:]
+        offsets[arm] = rotation.rotate(rotation.exp([0.1, 0.0, turn]), offsets[arm])
+    hanging = replace(avatar, offsets=offsets)
+    return replace(hanging, body=build_capsules(hanging, avatars.BODIES["broad"].shape))
+
+
 @pytest.fixture(scope="module")
 def seen(site: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What ``player.mjs`` saw in the pages."""
     out = tmp_path_factory.mktemp("player")
     broad = avatars.body("broad")
     avatars.write(out / "figure.glb", broad, avatars.tubes(broad), "", axes=False, hair=False)
-    with serving("serve", "--workers", "1", "--allow-origin", site.rstrip("/")) as address:
+    hanging = with_hanging_arms(broad)
+    avatars.write(out / "hanging.glb", hanging, avatars.tubes(hanging), "", axes=False, hair=False)
+    loops: list[list[list[Any]]] = [[[1], [0, "mesh"]], [[1], [0]], [["mesh"], ["mesh"]]]
+    for k, loop in enumerate(loops):
+        (out / f"loop-{k}.glb").write_bytes(looped((out / "figure.glb").read_bytes(), loop))
+    avatars.write(out / "Ann.vrm", broad, avatars.tubes(broad), "0.x", axes=True, hair=False)
+    options = "--workers", "1", "--allow-origin", site.rstrip("/"), "--avatar", str(out / "Ann.vrm")
+    with serving("serve", *options) as address:
         return {**drive("player.mjs", site, address, out), "service": address}
 
 
@@ -166,15 +199,57 @@ def test_react_sets_properties_and_hears_events(seen: dict[str, Any]) -> None:
     assert seen["react"]["output"] == "HELLO"
 
 
-def test_an_avatar_of_ones_own_is_fitted(seen: dict[str, Any]) -> None:
-    assert seen["own"]["isFitted"] is True
+def test_without_a_service_an_avatar_copies_rotations_and_that_is_said(seen: dict[str, Any]) -> None:
+    assert seen["own"]["isCopied"] is True
+    assert seen["own"]["warnings"] == ["avatar.vrm turns its joints as signed: hands do not keep their contacts"]
     assert seen["own"]["drawn"] > 0.05
-    assert seen["own"]["isFittedAgain"] is True, "a .glb without a VRM part"
+    assert seen["own"]["isCopiedAgain"] is True, "a .glb without a VRM part"
     assert seen["own"]["drawnAgain"] > 0.05
 
 
+def test_arms_that_hang_at_rest_sign_as_those_that_are_held_out(seen: dict[str, Any]) -> None:
+    held_out, hanging = (
+        np.array([[*box["min"].values(), *box["max"].values()] for box in boxes]) for boxes in seen["own"]["hands"]
+    )
+    np.testing.assert_allclose(hanging, held_out, atol=0.02)
+
+
+def test_nodes_that_are_no_trees_are_refused(seen: dict[str, Any]) -> None:
+    """Nodes outside the scene, in a loop, or two above one mesh."""
+    assert len(seen["own"]["loops"]) == 3
+    assert all("is its own ancestor" in said or "is a child of node" in said for said in seen["own"]["loops"])
+
+
+def test_bones_of_avatars_without_a_vrm_part_are_known_by_name(tmp_path: Path) -> None:
+    named = {"mixamo", "vrm", "unity", "vroid", "unreal", "rigify"}  # as docs/player.md says
+    rigs = {
+        rig: skeleton_of(*chains)
+        for rig, (convention, chains) in RIGS.items()
+        if convention in named and rig != "rigify in three.js"
+    }
+    (tmp_path / "rigs.json").write_text(json.dumps({rig: skeleton.names for rig, (skeleton, _) in rigs.items()}))
+    found = json.loads(run("node", VIEWER / "checks/roles.mjs", tmp_path / "rigs.json", cwd=tmp_path))
+    for rig, (_, roles) in rigs.items():
+        body = {role: name for role, name in roles.items() if role not in ("jaw", "leftEye", "rightEye")}
+        assert found[rig] == body, rig
+    assert len(rigs) > 12
+
+
+def test_a_service_fits_files_sentences_and_streams_to_avatars(seen: dict[str, Any]) -> None:
+    assert seen["fitted"]["file"] == ["HELLO", "MY", "AB"], "words of the file's report"
+    assert min(seen["fitted"]["drawn"], seen["fitted"]["drawnStream"]) > 0.05
+    hands = np.array(
+        [[[*box["min"].values(), *box["max"].values()] for box in poses] for poses in seen["fitted"]["hands"]]
+    )
+    assert np.ptp(hands[:, :, 4], axis=1).min() > 0.2, "hands move"
+    uploaded, named = hands[:2], hands[2:]
+    for whole, streamed in (uploaded, named):
+        # Lengths of transitions differ, so that only the first word is the same.
+        np.testing.assert_allclose(streamed[:2], whole[:2], atol=2e-2)
+
+
 def test_a_mesh_packed_with_meshopt_is_read_and_one_with_draco_refused_in_a_line(seen: dict[str, Any]) -> None:
-    assert seen["own"]["packed"]["isFitted"] is True
+    assert seen["own"]["packed"]["isCopied"] is True
     assert seen["own"]["packed"]["drawn"] == pytest.approx(seen["own"]["drawnAgain"], abs=0.002)
     assert "packed with Draco" in seen["own"]["draco"]
     assert "\n" not in seen["own"]["draco"]

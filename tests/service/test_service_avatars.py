@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import json
 from collections.abc import Iterator
@@ -13,18 +14,22 @@ import numpy as np
 import pytest
 
 import avatars
-from serving import http_client
+from serving import http_client, messages_and_close_code, stream_client
 from signsplice.cli.commands import app
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import glb, vrma
-from signsplice.formats.avatar import avatars_in, parse_avatar, read_avatar
+from signsplice.formats.avatar import avatars_in, in_file_axes, parse_avatar, read_avatar
 from signsplice.formats.gltf_document import chunks
 from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import open_shipped_lexicon
-from signsplice.motion import kinematics
+from signsplice.motion import Clip, Skeleton, concatenate, kinematics, rotation
 from signsplice.rig.info import rig_info
+from signsplice.service import work
+from signsplice.service.avatars import UploadedAvatars
 from signsplice.service.settings import Settings
-from signsplice.splicing.engine import onto_avatar, splice
+from signsplice.splicing import engine
+from signsplice.splicing.engine import SpliceOptions, onto_avatar, splice
+from signsplice.splicing.faces import RULES
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +63,8 @@ def test_a_service_signs_on_its_avatars_and_names_them_where_another_is_asked_fo
 def test_names_of_avatars_are_no_paths(client: httpx.Client, name: str) -> None:
     refused = client.post("/v1/sentence", json={"glosses": ["MY"], "avatar": name})
     assert refused.status_code == 422
-    assert refused.json()["error"] == f"avatar {name!r}: expected one of Ann"
+    expected = "expected Ann or the id of an upload that is kept; upload it again"
+    assert refused.json()["error"] == f"avatar {name!r}: {expected}"
 
 
 def fitted(client: httpx.Client, file: Path, /, query: str = "", **asked: object) -> httpx.Response:
@@ -75,6 +81,100 @@ def test_motion_is_fitted_to_an_avatar_that_is_uploaded(client: httpx.Client, fo
     assert base64.b64decode(answer["files"]["glb"]) == glb.encode(expected.clip)
     assert answer["report"]["avatar"]["name"] == "Eve"
     assert [unit["glosses"] for unit in answer["units"]] == [["MY"], ["NAME"]]
+
+
+def upload(client: httpx.Client, file: Path) -> str:
+    """The id of an avatar that is uploaded."""
+    answer = client.post("/v1/avatar", files={"avatar": (file.name, file.read_bytes())})
+    assert answer.status_code == 200, answer.text
+    name: str = answer.json()["avatar"]
+    return name
+
+
+def test_an_avatar_that_is_uploaded_once_signs_whatever_names_its_id(client: httpx.Client, folder: Path) -> None:
+    name, glosses, formats = upload(client, folder / "Eve.vrm"), ["MY", "NAME"], ["vrma"]
+    at_once = fitted(client, folder / "Eve.vrm", glosses=glosses, formats=formats).json()
+    answer = client.post("/v1/sentence", json={"glosses": glosses, "formats": formats, "avatar": name}).json()
+    assert answer["files"] == at_once["files"]
+    assert answer["report"]["avatar"] == at_once["report"]["avatar"]
+    with open_shipped_lexicon() as words:
+        clip = words.clip("MY")
+    options = json.dumps({"avatar": name, "formats": ["vrma"]})
+    spliced = client.post("/v1/splice", files={"files": ("a.glb", glb.encode(clip))}, data={"options": options}).json()
+    assert spliced["report"]["avatar"]["name"] == "Eve"
+    assert spliced["report"]["frames"] == len(clip)
+
+
+@pytest.mark.parametrize("name", ["Ann", "Eve"])
+def test_a_stream_sends_frames_that_are_fitted_to_its_avatar(client: httpx.Client, folder: Path, name: str) -> None:
+    file = folder / ("named/Ann.vrm" if name == "Ann" else "Eve.vrm")
+    opening = {
+        "type": "open",
+        "paced": False,
+        "face_rules": True,
+        "avatar": name if name == "Ann" else upload(client, file),
+    }
+    with stream_client(client) as stream:
+        for message in (opening, {"type": "text", "text": "MY NAME"}, {"type": "end"}):
+            stream.send(json.dumps(message))
+        received = [*stream]
+    told = [json.loads(message) for message in received if isinstance(message, str)]
+    rig = next(message for message in told if message["type"] == "skeleton")
+    parts = [message for message in received if isinstance(message, bytes)]
+    n_joints = len(rig["names"])
+    values = np.concatenate([np.frombuffer(part, "<f4", offset=16).reshape(-1, 3 + 4 * n_joints) for part in parts])
+    avatar = read_avatar(file)
+    assert avatar.file is not None
+    assert (rig["nodes"], rig["metres"]) == (list(avatar.file.nodes), 1.0)
+    with open_shipped_lexicon() as words:
+        pieces = [*engine.stream([words.clip("MY"), words.clip("NAME")], SpliceOptions(onto=avatar, face_rules=RULES))]
+    clip = concatenate([piece.clip for piece in pieces])
+    shown = Skeleton(tuple(rig["names"]), np.array(rig["parents"]), np.array(rig["offsets"]))
+    sent = Clip(
+        shown, rotation.normalize(values[:, 3:].reshape(-1, n_joints, 4).astype(float)), values[:, :3], rig["fps"]
+    )
+    np.testing.assert_allclose(kinematics.forward(sent)[1], kinematics.forward(clip)[1], atol=1e-5)
+    document = json.loads(chunks("avatar", avatar.file.content)[0])
+    at_rest = in_file_axes(
+        Clip(avatar, np.tile(rotation.IDENTITY, (1, n_joints, 1)), np.zeros((1, 3)), 30.0), avatar.file
+    )
+    nodes = [document["nodes"][node].get("rotation", rotation.IDENTITY) for node in rig["nodes"]]
+    assert rotation.angle_between(at_rest.local_rotations[0], np.array(nodes))[1:].max() < 1e-6
+
+
+def test_a_stream_names_an_avatar_that_is_there(client: httpx.Client) -> None:
+    with stream_client(client) as stream:
+        stream.send(json.dumps({"type": "open", "avatar": "Bob"}))
+        messages, code = messages_and_close_code(stream)
+    assert code == 1008
+    assert messages[-1]["error"].startswith("avatar 'Bob': expected Ann or the id of an upload")
+
+
+def test_uploaded_avatars_are_few_small_and_kept_for_a_while() -> None:
+    async def keep() -> None:
+        limits = {"max_client_avatars": 2, "max_avatar_bytes": 40, "avatar_seconds": 0.3}
+        avatars = UploadedAvatars(Settings(**limits))  # type: ignore[arg-type]
+        first, second = (avatars.add("a", bytes([k])) for k in (1, 2))
+        assert avatars.content(None) is None
+        assert avatars.content(first) == b"\1"
+        third = avatars.add("a", b"\3")
+        with pytest.raises(InputError, match="upload it again"):
+            avatars.content(second)  # named least recently
+        assert avatars.content(third) == b"\3"
+        others = [avatars.add("b", bytes(k)) for k in (19, 20)]
+        with pytest.raises(InputError, match="upload it again"):
+            avatars.content(others[0])  # of the client who fills the memory
+        assert [len(avatars.content(name) or b"") for name in (first, third, others[1])] == [1, 1, 20]
+        await asyncio.sleep(0.5)
+        assert not avatars._uploads
+
+    asyncio.run(keep())
+
+
+def test_an_upload_that_takes_too_much_memory_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work, "_worker", work._WorkerState(Settings(max_avatar_bytes=400_000)), raising=False)
+    with pytest.raises(InputError, match=r"Eve.vrm: takes .* MiB in memory, expected at most 0.1 MiB"):
+        work.pickle_avatar("Eve.vrm", (folder / "Eve.vrm").read_bytes())
 
 
 def test_motion_without_a_mesh_is_the_same_motion(client: httpx.Client, folder: Path) -> None:

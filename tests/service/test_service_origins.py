@@ -31,7 +31,7 @@ def pages() -> Ask:
 
 
 @pytest.mark.parametrize("origin", [ALLOWED, OTHER])
-@pytest.mark.parametrize("path", ["/v1/sentence", "/v1/splice", "/v1/fit", "/nothing"])
+@pytest.mark.parametrize("path", ["/v1/sentence", "/v1/splice", "/v1/fit", "/v1/avatar", "/nothing"])
 def test_every_preflight_passes(pages: Ask, path: str, origin: dict[str, str]) -> None:
     answer = pages("OPTIONS", path, headers={**ASKS, **origin})
     assert (answer.status_code, answer.content) == (204, b"")

@@ -178,7 +178,7 @@ def test_a_saved_page_opens_from_disk_without_network(seen: dict[str, Any]) -> N
 
 
 def test_the_docs_page_needs_no_other_host(seen: dict[str, Any]) -> None:
-    assert seen["docs"]["routes"] == 8
+    assert seen["docs"]["routes"] == 9
     assert seen["docs"]["hosts"] == seen["hosts"]
     assert seen["docs"]["faults"] == []
 

@@ -34,6 +34,7 @@ from signsplice.lexicon import building
 from signsplice.lexicon.lexicon import SHIPPED
 from signsplice.motion import Clip
 from signsplice.service import work
+from signsplice.service.avatars import UploadedAvatars
 from signsplice.service.fair_queue import FairQueue
 from signsplice.service.monitoring import Metrics
 from signsplice.service.settings import Settings
@@ -90,7 +91,9 @@ class FakeWorker:
 def session(socket: FakeSocket, process: object, **limits: float) -> StreamSession:
     """The session of a fake client with a fake process."""
     metrics = Metrics(lambda: 0, lambda: 0)
-    return StreamSession(socket, Settings(**limits), FairQueue(), FakeWorker(process), metrics)  # type: ignore[arg-type]
+    settings = Settings(**limits)  # type: ignore[arg-type]
+    avatars = UploadedAvatars(settings)
+    return StreamSession(socket, settings, FairQueue(), FakeWorker(process), metrics, avatars)  # type: ignore[arg-type]
 
 
 def test_a_stream_is_not_idle_while_the_service_works() -> None:

@@ -105,11 +105,20 @@ result.react.output = await react.locator('p output').textContent();
 const own = await open('avatar.html');
 await heard(own, 'ready');
 result.own = { axe: await axe(own), drawn: await drawn(own) };
-const isAvatar = () => own.evaluate(() => document.querySelector('sign-player').show.people[0].fitted.isMoved);
-result.own.isFitted = await isAvatar();
-await own.locator('input[type=file]').setInputFiles(join(out, 'figure.glb'));
+const isCopied = () => own.evaluate(() => document.querySelector('sign-player').show.people[0].isCopied);
+result.own.isCopied = await isCopied();
+result.own.warnings = (await said(own, 'ready'))[0].warnings;
+const hands = () => own.evaluate(() => {
+  const { people, player } = document.querySelector('sign-player').show;
+  return [0, 20, 40, 60].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
+});
+await own.locator('input[type=file]').setInputFiles(join(out, 'hanging.glb'));
 await heard(own, 'ready', 2);
-result.own.isFittedAgain = await isAvatar();
+result.own.hands = [await hands()];
+await own.locator('input[type=file]').setInputFiles(join(out, 'figure.glb'));
+await heard(own, 'ready', 3);
+result.own.hands.unshift(await hands());
+result.own.isCopiedAgain = await isCopied();
 result.own.drawnAgain = await drawn(own);
 await own.screenshot({ path: join(out, 'own.png') });
 
@@ -118,15 +127,20 @@ const figure = readFileSync(join(out, 'figure.glb'));
 writeFileSync(join(out, 'packed.glb'), await packedWithMeshopt(figure));
 writeFileSync(join(out, 'draco.glb'), saidToBeDraco(figure));
 await own.locator('input[type=file]').setInputFiles(join(out, 'packed.glb'));
-await heard(own, 'ready', 3);
-result.own.packed = { isFitted: await isAvatar(), drawn: await drawn(own) };
+await heard(own, 'ready', 4);
+result.own.packed = { isCopied: await isCopied(), drawn: await drawn(own) };
 await own.locator('input[type=file]').setInputFiles(join(out, 'draco.glb'));
 await heard(own, 'error');
 result.own.draco = (await said(own, 'error'))[0].message;
+for (const k of [0, 1, 2]) {
+  await own.locator('input[type=file]').setInputFiles(join(out, `loop-${k}.glb`));
+  await heard(own, 'error', k + 2);
+}
+result.own.loops = (await said(own, 'error')).slice(1).map(({ message }) => message);
 
 // Without words yet the avatar stands at rest; without a style on its page a player has a sensible size.
 await own.locator('input[type=file]').setInputFiles(join(out, 'figure.glb'));
-await heard(own, 'ready', 4);
+await heard(own, 'ready', 5);
 result.own.atRest = await own.evaluate(async () => {
   const player = document.querySelector('sign-player');
   const [before] = player.show.people;
@@ -143,6 +157,28 @@ result.own.bare = await own.evaluate(() => {
   host.remove();
   return [width, height, host.clientWidth];
 });
+
+// On an avatar, a service fits a file and sentences to its body: those that are streamed are as those that come whole.
+const pose = () => fitted.evaluate(() => {
+  const { people, player } = document.querySelector('sign-player').show;
+  return [0, 30, 61, 100, 200].map((frame) => (people[0].at(frame / player.fps), people[0].handsAt(-9)));
+});
+const fitted = await open('plain.html');
+await heard(fitted, 'ready');
+await fitted.evaluate((address) => Object.assign(document.querySelector('sign-player'), { service: address, avatar: 'avatar.vrm' }), service);
+await heard(fitted, 'ready', 2);
+result.fitted = { file: await fitted.evaluate(() => document.querySelector('sign-player').words.map(({ gloss }) => gloss)), drawn: await drawn(fitted), hands: [] };
+for (const [k, avatar] of ['avatar.vrm', 'Ann'].entries()) {
+  for (const n of [1, 2]) {
+    const line = Array.from({ length: 8 * n }, (_, k) => ['HELLO', 'MY', 'NAME', 'DEAF', 'FRIEND', 'MOTHER', 'THANK-YOU'][k % 7]).join(' ');
+    await fitted.evaluate((given) => Object.assign(document.querySelector('sign-player'), given), { src: '', gloss: line, avatar });
+    await heard(fitted, 'ready', 2 * k + n + 2);
+    if (n === 2) await fitted.waitForFunction(() => document.querySelector('sign-player').show.player.frames > 201);
+    result.fitted.hands.push(await pose());
+  }
+}
+result.fitted.drawnStream = await drawn(fitted);
+await fitted.screenshot({ path: join(out, 'fitted.png') });
 
 // A long sentence, streamed: while it is paused the service is held back, then all of it comes.
 const stream = await open('plain.html');

@@ -14,7 +14,7 @@ export interface Ready {
   /** Length of what is shown, s; of what has come so far where a sentence is streamed. */
   duration: number;
   words: readonly Word[];
-  /** What a user should know: words that are spelled, places beyond the reach of the avatar's arms. */
+  /** What a user should know: words that are spelled, places beyond the reach of an avatar's arms, contacts that are not kept. */
   warnings: readonly string[];
 }
 

@@ -13,7 +13,7 @@ export class Attributes extends Base {
   /** Address of a .glb, a .vrma or an answer of /v1/sentence. */
   get src(): string { return this.getAttribute('src') ?? ''; }
   set src(address: string) { this.setAttribute('src', address); }
-  /** Address of an avatar (.vrm or .glb) that signs; else the file's own figure does. */
+  /** Address of an avatar (.vrm or .glb) that signs, or name of one of the service's; else the file's own figure does. */
   get avatar(): string { return this.getAttribute('avatar') ?? ''; }
   set avatar(address: string) { this.setAttribute('avatar', address); }
   /** Glosses for the service to sign, in the order of signing. */

@@ -1,14 +1,13 @@
 /** Reads binary glTF files: what is packed with meshopt too. */
 
 import { type GLTF, GLTFLoader, type GLTFLoaderPlugin, type GLTFParser } from 'three/addons/loaders/GLTFLoader.js';
-import { checkTrees } from './fit/mesh.js';
 
 const DRACO = 'KHR_draco_mesh_compression'; // its decoder would make the page a quarter larger
 
 interface Document {
   extras?: { signsplice_report?: string };
   animations?: { extras?: { fps?: number } }[];
-  nodes?: object[];
+  nodes?: { children?: number[] }[];
   extensions?: object;
   extensionsUsed?: string[];
   extensionsRequired?: string[];
@@ -36,4 +35,19 @@ export async function readGltf(content: Uint8Array<ArrayBuffer>, plugin?: (parse
   if (extensionsUsed.some((name) => name.endsWith('_meshopt_compression'))) loader.setMeshoptDecoder((await import('meshoptimizer/decoder')).MeshoptDecoder);
   if (plugin) loader.register(plugin);
   return loader.parseAsync(content.slice().buffer, '');
+}
+
+/** Throws where the nodes of a file are no trees: one is a child of two, or below itself. */
+function checkTrees({ nodes = [] }: Document): void {
+  const below = new Set<number>();
+  nodes.forEach(({ children = [] }, node) =>
+    children.forEach((child) => {
+      if (!nodes[child] || below.has(child)) throw new Error(`node ${child} is a child of node ${node} and of another, or does not exist`);
+      below.add(child);
+    }),
+  );
+  const reached = new Set([...nodes.keys()].filter((node) => !below.has(node)));
+  for (const node of reached) for (const child of nodes[node]!.children ?? []) reached.add(child);
+  const lost = nodes.findIndex((_, node) => !reached.has(node));
+  if (lost >= 0) throw new Error(`node ${lost} is its own ancestor, or below such a node`);
 }

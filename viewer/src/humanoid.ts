@@ -1,7 +1,7 @@
 /** Avatars: VRM files, and .glb files whose bones are known by name, which then act as VRM avatars do. */
 
 import { VRM, VRMHumanoid, type VRMHumanBones, VRMLoaderPlugin, VRMUtils } from '@pixiv/three-vrm';
-import { type Matrix4, type Object3D, SkinnedMesh } from 'three';
+import { type Matrix4, type Object3D, Quaternion, SkinnedMesh, Vector3 } from 'three';
 import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import { readGltf } from './gltf.js';
 
@@ -51,13 +51,29 @@ async function named(file: GLTF): Promise<VRM> {
     file.scene.traverse((node) => node instanceof SkinnedMesh && node.skeleton.pose());
     const height = file.animations[0]!.tracks.find(({ name }) => name === `${bones['hips']?.node.name}.position`);
     if (height) bones['hips']!.node.position.fromArray(height.values); // a skin may be bound at any height
-    file.userData['leaveBindPose'] = () => places.forEach(([node, matrix]) => matrix.decompose(node.position, node.quaternion, node.scale));
+    file.userData['leaveRestPose'] = () => places.forEach(([node, matrix]) => matrix.decompose(node.position, node.quaternion, node.scale));
   }
   const missing = NEEDED.filter((role) => !bones[role]);
   if (missing.length) throw new Error(`it has no VRM part, and no bone known by name as ${missing.slice(0, 3).join(', ')}`);
+  spreadArms(bones, file.scene);
   const humanoid = new VRMHumanoid(bones as unknown as VRMHumanBones);
   file.scene.add(humanoid.normalizedHumanBonesRoot);
   return new VRM({ scene: file.scene, humanoid, meta: { metaVersion: '1', name: '', authors: [], licenseUrl: '' } });
+}
+
+/** Hold arms straight to the sides, as VRM's rest pose does. */
+function spreadArms(bones: Record<string, { node: Object3D }>, scene: Object3D): void {
+  for (const side of ['left', 'right']) {
+    for (const [from, to] of [['UpperArm', 'LowerArm'], ['LowerArm', 'Hand'], ['Hand', 'MiddleProximal']]) {
+      const [bone, end] = [bones[side + from!]?.node, bones[side + to!]?.node];
+      if (!bone?.parent || !end) continue;
+      scene.updateMatrixWorld(true);
+      const along = end.getWorldPosition(new Vector3()).sub(bone.getWorldPosition(new Vector3())).normalize();
+      const above = bone.parent.getWorldQuaternion(new Quaternion());
+      const turn = new Quaternion().setFromUnitVectors(along, new Vector3(Math.sign(along.x), 0, 0));
+      bone.quaternion.premultiply(above.clone().invert().multiply(turn).multiply(above));
+    }
+  }
 }
 
 /** Role -> node: as a file of ours says, else by names. */

@@ -11,7 +11,7 @@ import { checkAvatar } from './humanoid.js';
 import type { Person } from './person.js';
 import type { SentenceBox } from './sentence.js';
 import { own, ServiceError } from './service.js';
-import { isStill, personOf, sourceOf } from './source.js';
+import { isStill, onAvatar, personOf, sourceOf } from './source.js';
 import type { Spliced } from './wire.js';
 
 /** Where the scene came from, to request it again with other dials. */
@@ -150,13 +150,13 @@ export class Loader {
     return this.run(async (signal) => {
       await this.ready;
       signal.throwIfAborted();
-      if (!this.isLive) return this.show(this.embedded, signal);
+      if (!this.isLive) return this.showEmbedded(signal);
       const glosses = this.read();
       const source = this.sources[address.current() ?? -1] ?? (glosses.length ? { glosses } : null);
       this.box.glosses = source && 'glosses' in source ? source.glosses : [];
       if (source) return this.request(source, 'same', signal);
       this.source = null;
-      if (this.embedded.length) return this.show(this.embedded, signal);
+      if (this.embedded.length) return this.showEmbedded(signal);
       const first = await firstGlosses(signal);
       if (!this.box.glosses.length) this.box.glosses = first; // else someone is typing
       await this.request({ glosses: first }, 'same', signal);
@@ -168,11 +168,13 @@ export class Loader {
     this.wanted = { source, entry };
     await this.ready;
     signal.throwIfAborted();
-    const scenes = await Promise.all(
-      dials.requested().map((options) =>
-        'glosses' in source
-          ? own.sentence({ ...options, glosses: source.glosses, face_rules: true, formats: FORMATS }, signal)
-          : own.splice(source.files, { ...options, formats: FORMATS }, signal),
+    const scenes = await own.withAvatar(this.avatar, signal, (avatar) =>
+      Promise.all(
+        dials.requested().map((options) =>
+          'glosses' in source
+            ? own.sentence({ ...options, avatar, glosses: source.glosses, face_rules: true, formats: FORMATS }, signal)
+            : own.splice(source.files, { ...options, avatar, formats: FORMATS }, signal),
+        ),
       ),
     );
     await this.show(scenes, signal);
@@ -196,9 +198,18 @@ export class Loader {
     this.page.show(scenes, people);
   }
 
+  /** Show the scenes that the page came with. */
+  private async showEmbedded(signal: AbortSignal): Promise<void> {
+    const { avatar, embedded, isLive } = this;
+    const fitted = async (scene: Spliced) => (avatar && isLive ? (await onAvatar(sourceOf(scene), avatar, own, signal)).scene! : scene);
+    await this.show(await Promise.all(embedded.map(fitted)), signal);
+  }
+
+  /** The person who signs a scene: a service has fitted it to an avatar, or nothing does. */
   private person(scene: Spliced): Promise<Person> {
-    if (!this.avatar && !scene.files.glb) throw new Error(translate('noFile', { file: 'GLB' }));
-    return personOf(sourceOf(scene), this.avatar?.bytes ?? null);
+    const avatar = this.isLive ? null : this.avatar;
+    if (!avatar && !scene.files.glb) throw new Error(translate('noFile', { file: 'GLB' }));
+    return personOf(sourceOf(scene), avatar?.bytes ?? null);
   }
 
   private async loadAvatar(file: File): Promise<void> {
@@ -211,12 +222,13 @@ export class Loader {
       return alert(rejected(error));
     }
     while (this.task) await this.running; // what is being loaded is shown first
-    if (this.scenes.some((scene) => !scene.files.vrma)) return alert(translate('noVrma'));
+    if (!this.isLive && this.scenes.some((scene) => !scene.files.vrma)) return alert(translate('noVrma'));
     await this.run(async (signal) => {
       const previous = this.avatar;
       const avatar = (this.avatar = { name: file.name, bytes });
       try {
-        if (this.scenes.length) await this.show(this.scenes, signal);
+        if (this.source) await this.request(this.source, 'same', signal);
+        else if (this.scenes.length) await this.showEmbedded(signal);
         alert('');
       } catch (error) {
         signal.throwIfAborted();

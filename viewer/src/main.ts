@@ -7,13 +7,13 @@ import { find } from './dom.js';
 import { onFiles } from './dropping.js';
 import * as films from './film.js';
 import * as keys from './keys.js';
-import { language, type Language, preferred, setLanguage, translate } from './languages.js';
+import { type Language, preferred, setLanguage, translate } from './languages.js';
 import { Loader } from './loader.js';
 import { alert, messageOf, status } from './messages.js';
 import * as panel from './panel.js';
 import type { Person } from './person.js';
 import type { Player } from './player.js';
-import { caption, leftOut, plain, reachWarnings, seams, spelled, titleOf } from './scene.js';
+import { caption, leftOut, plain, seams, spelled, titleOf } from './scene.js';
 import { SentenceBox } from './sentence.js';
 import { own } from './service.js';
 import type { Show } from './show.js';
@@ -71,12 +71,13 @@ class App {
     const words = spelled(scene).join(', ');
     const without = leftOut(scene).join(', ');
     const name = titleOf(scene);
-    status(
-      (words && translate('spelled', { words })) +
-        (without && translate('leftOut', { words: without })) +
-        translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }) +
-        (people[0]?.fitted?.isMoved && avatar ? translate('fitted', { avatar: avatar.name }) : ''),
-    );
+    const parts = [
+      words && translate('spelled', { words }),
+      without && translate('leftOut', { words: without }),
+      translate('shown', { name, frames, seconds: (frames / fps).toFixed(2) }),
+      avatar && translate(people[0]!.isCopied ? 'copied' : 'fitted', { avatar: avatar.name }),
+    ];
+    status(parts.filter(Boolean).join(translate('and')));
     document.title = `${name} – signsplice`;
     find('#stage').dataset['ready'] = String(Number(find('#stage').dataset['ready'] ?? 0) + 1);
     if (!this.figure.show) void this.figure.flat(scene.units.map(({ token }) => token), live ? own : null);
@@ -136,8 +137,7 @@ class App {
     if (!scene) return;
     const { show } = this.figure;
     this.line.show(scene, show?.player.frames ?? scene.report.frames);
-    const beyond = show?.people.flatMap(({ fitted }) => (fitted ? reachWarnings(fitted.beyond, language()) : [])) ?? [];
-    panel.show(this.scenes, beyond, (seam) => this.stage.loop(seam));
+    panel.show(this.scenes, (seam) => this.stage.loop(seam));
     this.figure.nameSides(panel.sideNames(this.scenes));
     this.showTime();
   }

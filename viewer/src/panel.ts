@@ -8,8 +8,8 @@ import type { Format, Report, Spliced } from './wire.js';
 
 export type Download = Format | 'film' | 'report' | 'page';
 
-/** Fill the panel, with ``more`` warnings; ``loop`` is called with the number of a seam that the user chooses. */
-export function show(scenes: Spliced[], more: string[], loop: (seam: number) => void): void {
+/** Fill the panel; ``loop`` is called with the number of a seam that the user chooses. */
+export function show(scenes: Spliced[], loop: (seam: number) => void): void {
   const scene = scenes[0]!;
   const all = seams(scene.report);
   const names = all.map(({ before, after }) => `${before} → ${after}`);
@@ -33,7 +33,6 @@ export function show(scenes: Spliced[], more: string[], loop: (seam: number) => 
   const warnings = new Set([
     ...scene.units.flatMap(({ note, warning }) => [note, warning]).filter(Boolean),
     ...scene.report.warnings,
-    ...more,
     ...all.flatMap((seam, k) => seam.warnings.map((warning) => `${names[k]}: ${warning}`)),
   ]);
   find('#warnings').replaceChildren(

@@ -1,51 +1,44 @@
-/** The signer on the stage: the clip's mannequin, or an avatar that plays its VRM animation, fitted to its body. */
+/** The signer on the stage: the figure of a file with its own motion, or an avatar that plays a VRM animation. */
 
 import { type VRM, type VRMHumanBoneName, VRMLoaderPlugin, VRMUtils } from '@pixiv/three-vrm';
-import { createVRMAnimationClip } from '@pixiv/three-vrm-animation';
+import { createVRMAnimationClip, type VRMAnimation } from '@pixiv/three-vrm-animation';
 import {
   AnimationClip,
   AnimationMixer,
   Box3,
   Group,
-  MathUtils,
+  type KeyframeTrack,
   Mesh,
   NumberKeyframeTrack,
   type Object3D,
-  Quaternion,
-  QuaternionKeyframeTrack,
   Vector3,
-  VectorKeyframeTrack,
 } from 'three';
-import { type AvatarBody, bodyOf, tracksOf } from './fit/avatar.js';
-import { type Fitted, fitMotion, inSlices } from './fit/fit.js';
+import type { GLTF } from 'three/addons/loaders/GLTFLoader.js';
 import { readGltf } from './gltf.js';
 import { readAvatar, rolesOf } from './humanoid.js';
-import type { Take } from './take.js';
 
 const PLACE = ['hips', 'leftUpperArm', 'rightUpperArm'] as const;
 const ROLES = [...PLACE, 'leftHand', 'rightHand', 'leftMiddleProximal', 'rightMiddleProximal'] as const;
 const FAR = 0.5; // m from the middle, where a figure leaves the picture
 const HANGING = 0.2; // of upper arms at rest, radians from straight down
-const ARMS = ['left', 'right'].flatMap((side) => ['UpperArm', 'LowerArm', 'Hand'].map((bone) => side + bone));
 const END = 1e-4; // seconds before a clip's end, since a looping action shows its first frame at the end
-/** The bodies of avatars by their files: measuring a mesh takes longer than fitting a sentence. */
-const bodies = new WeakMap<Uint8Array, AvatarBody>();
 
 export class Person {
   readonly root = new Group();
   private readonly mixer: AnimationMixer;
-  private body: AvatarBody | null = null; // of an avatar
   private shown = 0;
   private readonly palms: Object3D[];
 
   private constructor(
-    figure: Object3D,
+    readonly file: GLTF,
     private clip: AnimationClip,
     bone: (role: (typeof ROLES)[number]) => Object3D | null,
-    private readonly vrm?: VRM,
-    /** How the motion was fitted to an avatar; null where it plays as it is. */
-    readonly fitted: Fitted | null = null,
+    /** Move what follows the bones: hair, clothes; seconds since the frame before. */
+    private readonly follow: (seconds: number) => void = () => {},
+    /** Whether rotations were made for another body, so that hands do not keep their contacts. */
+    readonly isCopied = false,
   ) {
+    const figure = file.scene;
     this.root.add(figure);
     figure.traverse((node) => {
       node.frustumCulled = false; // the bounds of a skinned mesh do not follow its bones
@@ -70,12 +63,19 @@ export class Person {
     const gltf = await readGltf(glb, (parser) => new VRMLoaderPlugin(parser)); // for the materials of VRM
     const clip = gltf.animations[0];
     if (!clip) throw new Error('the file holds no animation');
+    const vrm = gltf.userData['vrm'] as VRM | undefined; // of an avatar with motion for its bones and its face
     const roles = rolesOf(gltf.parser.json);
     const bones = new Map<string, Object3D>();
-    for (const role of ROLES) if (roles.has(role)) bones.set(role, (await gltf.parser.getDependency('node', roles.get(role)!)) as Object3D);
+    for (const role of ROLES) {
+      const bone = vrm?.humanoid.getRawBoneNode(role) ?? (roles.has(role) && ((await gltf.parser.getDependency('node', roles.get(role)!)) as Object3D));
+      if (bone) bones.set(role, bone);
+    }
     const start = Math.min(...clip.tracks.map(({ times }) => times[0]!));
     if (start) for (const track of clip.tracks) track.shift(-start);
-    const person = new Person(gltf.scene, clip.resetDuration(), (role) => bones.get(role) ?? null);
+    const person = new Person(gltf, clip.resetDuration(), (role) => bones.get(role) ?? null, (seconds) => {
+      vrm?.nodeConstraintManager?.update();
+      vrm?.springBoneManager?.update(seconds);
+    });
     person.comeToFront(bones);
     return person;
   }
@@ -93,34 +93,30 @@ export class Person {
 
   /** An avatar whose arms hang. */
   static async atRest(content: Uint8Array<ArrayBuffer>): Promise<Person> {
-    const [, avatar] = await readAvatar(content);
+    const [file, avatar] = await readAvatar(content);
     for (const side of ['left', 'right'] as const) {
       const [arm, elbow] = [`${side}UpperArm`, `${side}LowerArm`].map((name) => avatar.humanoid.getNormalizedBoneNode(name as VRMHumanBoneName)!);
       const along = elbow!.getWorldPosition(new Vector3()).sub(arm!.getWorldPosition(new Vector3()));
       arm!.rotation.z = -Math.sign(along.x) * (Math.atan2(Math.abs(along.x), -along.y) - HANGING);
     }
     VRMUtils.rotateVRM0(avatar);
-    return new Person(avatar.scene, new AnimationClip('', 0, []), (role) => avatar.humanoid.getRawBoneNode(role), avatar);
+    return new Person(file, new AnimationClip('', 0, []), (role) => avatar.humanoid.getRawBoneNode(role), (seconds) => avatar.update(seconds));
   }
 
-  /** An avatar (.vrm, or .glb) with a motion, fitted to its body where both have arms; ``known``: that body. */
-  static async avatar(content: Uint8Array<ArrayBuffer>, take: Take, known: AvatarBody | null = null): Promise<Person> {
+  /** An avatar (.vrm, or .glb) that plays a motion by the rotations of its bones alone. */
+  static async avatar(content: Uint8Array<ArrayBuffer>, motion: VRMAnimation): Promise<Person> {
     const [file, avatar] = await readAvatar(content);
-    const body = known ?? bodies.get(content) ?? bodyOf(file, avatar);
-    bodies.set(content, body);
-    const [clip, fitted] = await playable(avatar, body, take);
+    const clip = createVRMAnimationClip(motion, avatar);
+    if (!avatar.expressionManager) clip.tracks.push(...morphTracks(avatar.scene, motion));
     VRMUtils.rotateVRM0(avatar);
-    const person = new Person(avatar.scene, clip, (role) => avatar.humanoid.getRawBoneNode(role), avatar, fitted);
-    person.body = body;
-    return person;
+    return new Person(file, clip, (role) => avatar.humanoid.getRawBoneNode(role), (seconds) => avatar.update(seconds), true);
   }
 
-  /** Go on with a motion, of which the first ``overlap`` frames are there already and are blended. */
-  async extend(take: Take, overlap: number): Promise<void> {
-    const [clip] = await playable(this.vrm!, this.body!, take);
+  /** Play tracks in place of the motion; with ``goesOn``, after its end. */
+  play(tracks: KeyframeTrack[], goesOn: boolean): void {
     this.mixer.stopAllAction();
     this.mixer.uncacheClip(this.clip);
-    this.clip = joined(this.clip, clip, overlap);
+    this.clip = new AnimationClip(this.clip.name, -1, goesOn ? tracks.map((track) => appended(this.clip.tracks, track)) : tracks);
     this.mixer.clipAction(this.clip).play();
     this.at(this.shown);
   }
@@ -128,7 +124,7 @@ export class Person {
   /** Show the pose at a time in seconds. */
   at(seconds: number): void {
     this.mixer.setTime(Math.max(0, Math.min(seconds, this.duration - END)));
-    this.vrm?.update(Math.min(0.1, Math.abs(seconds - this.shown)));
+    this.follow(Math.min(0.1, Math.abs(seconds - this.shown)));
     this.shown = seconds;
     this.root.updateMatrixWorld(true);
   }
@@ -146,21 +142,8 @@ export class Person {
   }
 }
 
-/** A motion as a clip that an avatar plays, with the rotations that are fitted to its body. */
-async function playable(avatar: VRM, body: AvatarBody, { animation, motion }: Take): Promise<[AnimationClip, Fitted | null]> {
-  const clip = createVRMAnimationClip(animation, avatar);
-  if (!avatar.expressionManager) clip.tracks.push(...morphTracks(avatar.scene, animation));
-  const hasArms = (bones: { name: string }[]) => ARMS.every((arm) => bones.some(({ name }) => name === arm));
-  if (!hasArms(motion.body.bones) || !hasArms(body.bones)) return [clip, null];
-  const fitted = await inSlices(fitMotion(motion, body));
-  const tracks = tracksOf(avatar, body, fitted.rotations, motion.times);
-  const names = new Set(tracks.map(({ name }) => name));
-  clip.tracks = [...clip.tracks.filter(({ name }) => !names.has(name)), ...tracks];
-  return [clip, fitted];
-}
-
 /** Tracks of morph targets that have the names of a face's coefficients, for a file without VRM's expressions. */
-function morphTracks(figure: Object3D, { expressionTracks }: Take['animation']): NumberKeyframeTrack[] {
+function morphTracks(figure: Object3D, { expressionTracks }: VRMAnimation): NumberKeyframeTrack[] {
   const found: NumberKeyframeTrack[] = [];
   figure.traverse((node) => {
     const targets = (node instanceof Mesh && node.morphTargetDictionary) || {};
@@ -171,29 +154,16 @@ function morphTracks(figure: Object3D, { expressionTracks }: Take['animation']):
   return found;
 }
 
-const slerpFlat = Quaternion.slerpFlat as unknown as (...all: [...Array<Float32Array | number>, number]) => void; // typed for number[]
-
-/** A clip and one that goes on from it, blended over the frames that both have. */
-function joined(before: AnimationClip, after: AnimationClip, overlap: number): AnimationClip {
-  const tracks = after.tracks.map((track) => {
-    const old = before.tracks.find(({ name }) => name === track.name);
-    if (!old) return track;
-    const size = track.getValueSize();
-    const kept = old.times.length - overlap;
-    const times = new Float32Array(kept + track.times.length);
-    const values = new Float32Array(size * times.length);
-    times.set(old.times.subarray(0, kept));
-    times.set(track.times, kept);
-    values.set(old.values.subarray(0, size * kept));
-    values.set(track.values, size * kept);
-    for (let k = 0; k < overlap; k++) {
-      const at = size * (kept + k);
-      const alpha = (k + 1) / (overlap + 1);
-      if (size === 4) slerpFlat(values, at, old.values, at, track.values, size * k, alpha);
-      else for (let n = 0; n < size; n++) values[at + n] = MathUtils.lerp(old.values[at + n]!, track.values[size * k + n]!, alpha);
-    }
-    const Track = size === 4 ? QuaternionKeyframeTrack : size === 1 ? NumberKeyframeTrack : VectorKeyframeTrack;
-    return new Track(track.name, times, values);
-  });
-  return new AnimationClip(before.name, -1, tracks);
+/** A track after the one of its name, or after zeros in all keys that there are. */
+function appended(before: KeyframeTrack[], track: KeyframeTrack): KeyframeTrack {
+  const { times, values } = before.find(({ name }) => name === track.name) ?? { times: before[0]!.times, values: new Float32Array(before[0]!.times.length) };
+  const joined = (one: Float32Array, other: Float32Array) => {
+    const both = new Float32Array(one.length + other.length);
+    both.set(one);
+    both.set(other, one.length);
+    return both;
+  };
+  const whole = track.clone();
+  [whole.times, whole.values] = [joined(times, track.times), joined(values, track.values)];
+  return whole;
 }

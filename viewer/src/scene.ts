@@ -1,7 +1,6 @@
 /** A spliced sentence as the page shows it: its captions and its seams. */
 
 import type { Word } from './api.js';
-import { type Language, translateTo } from './languages.js';
 import type { Report, Span, Spliced } from './wire.js';
 
 export interface SeamAt {
@@ -118,13 +117,6 @@ function unit(scene: Spliced, span: Span | undefined) {
 /** A caption in one line of text. */
 export function plain({ parts }: Caption): string {
   return parts.join('');
-}
-
-/** A line for each hand whose places lie beyond the reach of the avatar's arm, by so many metres. */
-export function reachWarnings(beyond: readonly [number, number], language: Language): string[] {
-  return (['beyondLeft', 'beyondRight'] as const).flatMap((key, side) =>
-    beyond[side] ? [translateTo(language, key, { cm: Math.round(100 * beyond[side]) })] : [],
-  );
 }
 
 /** A line with a word of it replaced by a gloss, wherever it stands alone. */

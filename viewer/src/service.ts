@@ -1,6 +1,6 @@
 /** Requests to the service. */
 
-import type { Failure, MethodInfo, SentenceRequest, Spliced, SpliceRequest, WordList } from './wire.js';
+import type { Failure, MethodInfo, SentenceRequest, Spliced, SpliceRequest, UploadedAvatar, WordList } from './wire.js';
 import { translate } from './languages.js';
 
 /** A request that failed, at the service or before it reached it. */
@@ -10,12 +10,23 @@ export class ServiceError extends Error {
   }
 }
 
+/** An avatar that signs: the name of a service's, or a file. */
+export type Avatar = string | { name: string; bytes: Uint8Array<ArrayBuffer> };
+
+/** The ids of files that were uploaded as avatars, and where. */
+const uploads = new WeakMap<Uint8Array, { base: string; id: string }>();
+
 /** The service at an address. */
 export class Service {
   private readonly base: string;
 
   constructor(address: string) {
     this.base = address.replace(/\/?$/, '/');
+  }
+
+  /** Address of its streams. */
+  get streams(): string {
+    return new URL(`${this.base}v1/stream`, location.href).href.replace(/^http/, 'ws');
   }
 
   sentence(body: SentenceRequest, signal: AbortSignal): Promise<Spliced> {
@@ -32,6 +43,23 @@ export class Service {
     for (const file of files) form.append('files', file, file.name);
     form.append('options', JSON.stringify(options));
     return this.request('v1/splice', { method: 'POST', body: form, signal });
+  }
+
+  /** Ask for something on an avatar by its id; a file is uploaded if the service does not keep it. */
+  async withAvatar<Answer>(avatar: Avatar | null, signal: AbortSignal, ask: (id: string | null) => Promise<Answer>): Promise<Answer> {
+    if (avatar === null || typeof avatar === 'string') return ask(avatar);
+    const { name, bytes } = avatar;
+    const upload = uploads.get(bytes);
+    try {
+      if (upload?.base === this.base) return await ask(upload.id);
+    } catch (error) {
+      if (!(error instanceof ServiceError && error.message.startsWith('avatar '))) throw error;
+    }
+    const body = new FormData();
+    body.append('avatar', new File([bytes], /\.(vrm|glb)$/i.test(name) ? name : `${name}.glb`));
+    const { avatar: id } = await this.request<UploadedAvatar>('v1/avatar', { method: 'POST', body, signal });
+    uploads.set(bytes, { base: this.base, id });
+    return ask(id);
   }
 
   words(search: string, limit: number, signal?: AbortSignal): Promise<WordList> {

@@ -8,11 +8,11 @@ import { Controls } from './controls.js';
 import { filmButton } from './flat.js';
 import { isLanguage, type Language, translateTo } from './languages.js';
 import { Person } from './person.js';
-import { reachWarnings, titleOf, words } from './scene.js';
-import { Service } from './service.js';
+import { titleOf, words } from './scene.js';
+import { type Avatar, Service } from './service.js';
 import { Show } from './show.js';
 import STYLE from './sign_player.css';
-import { bareScene, bytesAt, personOf, readSource, sceneOf, type Source, sourceOf } from './source.js';
+import { bareScene, bytesAt, nameAt, onAvatar, personOf, readSource, sceneOf, type Source, sourceOf } from './source.js';
 import { MOST_AT_ONCE, SentenceStream } from './stream.js';
 import type { Spliced } from './wire.js';
 
@@ -33,7 +33,7 @@ export class SignPlayer extends Attributes {
   readonly #controls: Controls;
   #isQueued = false;
   #task: AbortController | null = null;
-  #kept: { address: string; content: Promise<Uint8Array<ArrayBuffer>> } | null = null;
+  #kept: { address: string; content: Promise<Uint8Array<ArrayBuffer>> } | null = null; // of the avatar
   #isShown = false;
   #wasPlaying = false;
   #word = -1; // number of the last that has begun
@@ -140,21 +140,26 @@ export class SignPlayer extends Attributes {
   async #load(): Promise<void> {
     const line = (this.gloss || this.text).split(/\s+/).filter(Boolean);
     if (!this.src && !line.length && !this.avatar) return;
-    if (!this.show) return this.flat(this.src ? [] : line, new Service(this.#absolute(this.service)));
+    const service = new Service(this.#absolute(this.service));
+    if (!this.show) return this.flat(this.src ? [] : line, service);
     this.#task?.abort();
     const { signal } = (this.#task = new AbortController());
     this.#say('');
     this.#stage.ariaBusy = 'true';
     try {
-      const avatar = await this.#avatarContent(signal);
-      if (this.src) await this.#showSource(await readSource(this.#absolute(this.src), signal), avatar, signal);
-      else if (!line.length) await this.#showAtRest(avatar!, signal);
-      else if (line.length > MOST_AT_ONCE) await this.#showStream(line, avatar, signal);
-      else {
-        const formats = [avatar ? ('vrma' as const) : ('glb' as const)];
-        const scene = await new Service(this.#absolute(this.service)).sentence({ glosses: line, face_rules: true, formats }, signal);
-        await this.#showSource(sourceOf(scene), avatar, signal);
-      }
+      const asks = this.src ? this.hasAttribute('service') : line.length > 0;
+      const avatar = await this.#avatarFile(asks, signal);
+      const file = avatar && typeof avatar !== 'string' ? avatar.bytes : null;
+      if (this.src) {
+        const source = await readSource(this.#absolute(this.src), signal);
+        if (avatar && asks) await this.#showSource(await onAvatar(source, avatar, service, signal), null, signal);
+        else await this.#showSource(source, file, signal);
+      } else if (line.length > MOST_AT_ONCE) await this.#showStream(service, line, avatar, signal);
+      else if (line.length) {
+        const request = { glosses: line, face_rules: true, formats: ['glb' as const] };
+        const scene = await service.withAvatar(avatar, signal, (id) => service.sentence({ ...request, avatar: id }, signal));
+        await this.#showSource(sourceOf(scene), null, signal);
+      } else if (file) await this.#showAtRest(file, signal);
     } catch (error) {
       if (!signal.aborted) this.#fail(error instanceof Error ? error.message : String(error));
     } finally {
@@ -166,15 +171,17 @@ export class SignPlayer extends Attributes {
     return new URL(address, this.baseURI).href;
   }
 
-  async #avatarContent(signal: AbortSignal): Promise<Uint8Array<ArrayBuffer> | null> {
+  /** The avatar that signs: the file at an address, or, where a service is asked, what has neither suffix nor folder is its name. */
+  async #avatarFile(asks: boolean, signal: AbortSignal): Promise<Avatar | null> {
     if (!this.avatar) return null;
+    if (asks && /^[^./:]+$/.test(this.avatar)) return this.avatar;
     const address = this.#absolute(this.avatar);
     if (this.#kept?.address !== address) {
       const content = bytesAt(address, signal);
       this.#kept = { address, content };
       content.catch(() => (this.#kept = null));
     }
-    return this.#kept.content;
+    return { name: nameAt(address), bytes: await this.#kept.content };
   }
 
   async #showSource(source: Source, avatar: Uint8Array<ArrayBuffer> | null, signal: AbortSignal): Promise<void> {
@@ -191,9 +198,9 @@ export class SignPlayer extends Attributes {
     this.present([bareScene('', 30, 1)], [person]);
   }
 
-  async #showStream(line: string[], avatar: Uint8Array<ArrayBuffer> | null, signal: AbortSignal): Promise<void> {
+  async #showStream(service: Service, line: string[], avatar: Avatar | null, signal: AbortSignal): Promise<void> {
     const { show } = this;
-    const stream = new SentenceStream(this.#absolute(this.service), line, avatar, signal);
+    const stream = new SentenceStream(service, line, avatar, signal);
     let person: Person | null = null;
     for await (const part of stream.parts(() => (person && show ? show.player.time : 0))) {
       if (signal.aborted) return;
@@ -231,9 +238,9 @@ export class SignPlayer extends Attributes {
   #begin(scene: Spliced, person: Person): void {
     this.#word = -1;
     this.#known = words(scene);
-    const beyond = person.fitted ? reachWarnings(person.fitted.beyond, this.#language) : [];
+    const copied = person.isCopied ? [translateTo(this.#language, 'copied', { avatar: nameAt(this.#absolute(this.avatar)) })] : [];
     const notes = scene.units.flatMap(({ note, warning }) => [note, warning]).filter(Boolean);
-    const detail = { duration: this.duration, words: this.#known, warnings: [...notes, ...scene.report.warnings, ...beyond] };
+    const detail = { duration: this.duration, words: this.#known, warnings: [...notes, ...scene.report.warnings, ...copied] };
     this.dispatchEvent(new CustomEvent('ready', { detail }));
     this.#change();
     if (this.hasAttribute('autoplay') && !matchMedia('(prefers-reduced-motion: reduce)').matches) this.play();

@@ -4,7 +4,8 @@ import { decode } from './bytes.js';
 import { documentOf, isGltf } from './gltf.js';
 import { Person } from './person.js';
 import { glbTake, vrmaTake } from './take.js';
-import type { Report, Spliced } from './wire.js';
+import type { Avatar, Service } from './service.js';
+import type { Format, Report, Spliced } from './wire.js';
 
 type Content = Uint8Array<ArrayBuffer>;
 
@@ -17,6 +18,9 @@ export interface Source {
   vrma: Content | null;
 }
 
+/** A report of motion that is fitted to an avatar. */
+export type OnAvatar = Report & { avatar?: { name: string } };
+
 /** The source that a spliced sentence is. */
 export function sourceOf(scene: Spliced): Source {
   const [glb, vrma] = [scene.files.glb, scene.files.vrma].map((file) => (file ? decode(file) : null)) as [Content | null, Content | null];
@@ -26,7 +30,7 @@ export function sourceOf(scene: Spliced): Source {
 /** The source at an address: a .glb, a .vrma, or an answer of /v1/sentence. */
 export async function readSource(address: string, signal: AbortSignal): Promise<Source> {
   const content = await bytesAt(address, signal);
-  const name = decodeURIComponent(new URL(address).pathname.split('/').at(-1)!.replace(/\.\w+$/, ''));
+  const name = nameAt(address).replace(/\.\w+$/, '');
   if (isGltf(content)) return fileSource(name, content);
   let json: Partial<Spliced>;
   try {
@@ -34,13 +38,26 @@ export async function readSource(address: string, signal: AbortSignal): Promise<
   } catch {
     throw new Error(`${name} is neither a .glb, a .vrma nor JSON`);
   }
-  if (json.files && json.report) return sourceOf({ name, units: [], fit: null, ...json } as Spliced);
+  if (json.files && json.report) return sourceOf({ name, units: [], ...json } as Spliced);
   throw new Error(`${name} is JSON, but no answer of /v1/sentence`);
 }
 
-/** The person who signs a source: its own figure, or an avatar. */
-export async function personOf({ scene, glb, vrma, name }: Source, avatar: Content | null): Promise<Person> {
-  if (avatar && vrma) return Person.avatar(avatar, await vrmaTake(vrma, scene?.fit ?? null));
+/** A source on an avatar, as a service fits it to its body. */
+export async function onAvatar(source: Source, avatar: Avatar, service: Service, signal: AbortSignal): Promise<Source> {
+  const { glb, vrma, name, scene } = source;
+  const clip = new File([(glb ?? vrma)!], `${name}.${glb ? 'glb' : 'vrma'}`);
+  const held = Object.entries(scene?.files ?? {}).filter(([, content]) => content);
+  const formats = [...new Set(['glb', ...held.map(([format]) => format)])] as Format[];
+  const options = { formats, fps: scene?.report.fps ?? null };
+  const { files, report } = await service.withAvatar(avatar, signal, (id) => service.splice([clip], { ...options, avatar: id }, signal));
+  if (!scene) return { ...source, glb: decode(files.glb!), vrma: null };
+  const warnings = [...scene.report.warnings, ...report.warnings];
+  return sourceOf({ ...scene, files, report: { ...scene.report, warnings, avatar: (report as OnAvatar).avatar } as OnAvatar });
+}
+
+/** The person who signs a source: its own figure, or an avatar, to whose body nothing is fitted. */
+export async function personOf({ glb, vrma, name }: Source, avatar: Content | null): Promise<Person> {
+  if (avatar && vrma) return Person.avatar(avatar, await vrmaTake(vrma));
   if (avatar && glb) return Person.avatar(avatar, await glbTake(glb));
   if (!glb) throw new Error(`${name} has no body of its own to show; set the attribute avatar`);
   return Person.mannequin(glb);
@@ -57,8 +74,13 @@ export function sceneOf({ scene, name, glb, vrma }: Source, seconds: number): Sp
 export function bareScene(name: string, fps: number, frames: number): Spliced {
   const tempo = { mode: 'citation', asked_seconds: null, seconds: null } as const;
   const report = { version: 1, fps, frames, cutter: '', transition: '', bundle: null, spans: [], seams: [], warnings: [], tempo, timing_ms: {} };
-  const scene: Omit<Spliced, 'spelled'> = { name, report, files: { bvh: null, glb: null, vrma: null }, units: [], fit: null };
+  const scene: Omit<Spliced, 'spelled'> = { name, report, files: { bvh: null, glb: null, vrma: null }, units: [] };
   return scene as Spliced;
+}
+
+/** The name of the file at an address. */
+export function nameAt(address: string): string {
+  return decodeURIComponent(new URL(address).pathname.split('/').at(-1)!);
 }
 
 /** The content of a file. Throws one line where it does not come. */

@@ -1,17 +1,16 @@
 /**
  * A long sentence as the service streams it. Text is sent a phrase at a time, and only while little motion lies ahead of what plays:
- * a player that is paused holds the service back. Each part is fitted to the avatar with some frames of the part before, and blended into it.
+ * a player that is paused holds the service back.
  */
 
-import { Quaternion, Vector3 } from 'three';
+import { type KeyframeTrack, Mesh, NumberKeyframeTrack, type Object3D, Quaternion, QuaternionKeyframeTrack, Vector3, VectorKeyframeTrack } from 'three';
 import { decode } from './bytes.js';
 import { translate } from './languages.js';
 import { Person } from './person.js';
 import { replaced } from './scene.js';
-import { Service } from './service.js';
+import type { Avatar, Service } from './service.js';
 import { bareScene } from './source.js';
-import { Signer } from './take.js';
-import type { EndMessage, FaceMessage, OpenMessage, SentenceRequest, SentenceToken, ServiceMessage, SkeletonMessage, Spliced, TextMessage } from './wire.js';
+import type { EndMessage, FaceMessage, OpenMessage, SentenceToken, ServiceMessage, SkeletonMessage, Spliced, TextMessage } from './wire.js';
 
 /** Words that are fetched as one sentence; more are streamed. */
 export const MOST_AT_ONCE = 12;
@@ -22,7 +21,6 @@ const PHRASE = 12; // words, up to a full stop, that are sent at once; fewer of 
 const PIECE = 8;
 const KEEP_MS = 60_000; // the service ends a stream in which nothing comes for two minutes
 const PART = 60; // frames that are shown together
-const OVERLAP = 24; // frames that are fitted twice
 const HEADER = 16; // bytes before the frames of a message
 
 /** What has come of a sentence. */
@@ -34,18 +32,16 @@ export interface Part {
   isLast: boolean;
 }
 
-/** The bones of a frame in the world's axes, and where the hips are. */
-interface Pose {
-  worlds: Float64Array;
-  hips: Vector3;
-  /** ARKit's coefficients that are not 0. */
+/** A frame as the service sends it, and the channels of its face that are not 0. */
+interface Frame {
+  row: Float32Array;
   face: ReadonlyMap<string, number>;
 }
 
 export class SentenceStream {
   private readonly scene: Spliced;
-  private poses: Pose[] = []; // those that are not shown, and some before them
-  private first = 0; // number of the first of them
+  private frames: Frame[] = []; // that are not shown yet
+  private shown = 0; // number of those before
   private fps = 30;
   private errors: string[] = [];
   private known = 0; // words and letters of units
@@ -54,13 +50,12 @@ export class SentenceStream {
   private unread = ''; // text that was sent last
   private again = ''; // of which this is to be sent again, without words that are unknown
   private face: FaceMessage | null = null; // of the frames that follow
-  private readonly channels = new Set<string>();
-  private skeleton: Skeleton | null = null;
+  private skeleton: SkeletonMessage | null = null;
 
   constructor(
-    private readonly address: string,
+    private readonly service: Service,
     private readonly line: string[],
-    private readonly avatar: Uint8Array<ArrayBuffer> | null,
+    private readonly avatar: Avatar | null,
     private readonly signal: AbortSignal,
   ) {
     this.scene = bareScene(line.join(' '), 30, 1);
@@ -68,19 +63,19 @@ export class SentenceStream {
 
   /** The sentence, part by part; ``played``: seconds of it that have been played. */
   async *parts(played: () => number): AsyncGenerator<Part> {
-    const { glb, signer } = await this.figure();
-    const socket = new WebSocket(new URL('v1/stream', this.address.replace(/\/?$/, '/')).href.replace(/^http/, 'ws'));
+    const { person, avatar } = await this.figure();
+    const socket = new WebSocket(this.service.streams);
     socket.binaryType = 'arraybuffer';
     const inbox: (string | ArrayBuffer)[] = [];
     let [isOpen, isClosed, isDone] = [false, false, false];
     let wake = () => {};
     const send = (message: OpenMessage | TextMessage | EndMessage) => socket.send(JSON.stringify(message));
-    socket.onopen = () => (send({ type: 'open', paced: false, face_rules: true }), (isOpen = true), wake());
+    socket.onopen = () => (send({ type: 'open', paced: false, face_rules: true, avatar }), (isOpen = true), wake());
     socket.onmessage = ({ data }) => (inbox.push(data as string | ArrayBuffer), wake());
     socket.onclose = () => ((isClosed = true), wake());
     this.signal.addEventListener('abort', () => socket.close());
-    let person: Person | null = null;
-    let [sent, sentAt, shown, hasEnded] = [0, performance.now(), 0, false];
+    let figure: Figure | null = null;
+    let [sent, sentAt, hasEnded] = [0, performance.now(), false];
     try {
       while (!isDone) {
         this.signal.throwIfAborted();
@@ -100,14 +95,13 @@ export class SentenceStream {
           await new Promise<void>((done) => ((wake = done), setTimeout(done, 100)));
           continue;
         }
-        isDone = this.read(message, signer);
-        if (this.end - shown < PART && !isDone) continue;
-        const overlap = Math.min(OVERLAP, shown);
-        this.forget(shown - overlap);
-        const take = this.take(signer);
-        if (!person) person = await Person.avatar(this.avatar ?? glb, take, this.avatar ? null : signer.body);
-        else if (this.end > shown) await person.extend(take, overlap);
-        shown = this.scene.report.frames = this.end;
+        isDone = this.read(message);
+        if (this.frames.length < PART && !isDone) continue;
+        if (this.frames.length) {
+          figure ??= new Figure(person, this.skeleton!);
+          person.play(figure.tracks(this.frames.splice(0), this.shown / this.fps, this.fps), this.shown > 0);
+        }
+        this.shown = this.scene.report.frames;
         yield { scene: this.scene, person, errors: this.errors.splice(0), isLast: isDone };
       }
     } finally {
@@ -115,17 +109,18 @@ export class SentenceStream {
     }
   }
 
-  /** The figure of the lexicon, by the first word. */
-  private async figure(): Promise<{ glb: Uint8Array<ArrayBuffer>; signer: Signer }> {
-    const request = { glosses: this.line.slice(0, 1), whole_face: true, formats: ['glb', 'vrma'] } satisfies SentenceRequest;
-    const { files, fit } = await new Service(this.address).sentence(request, this.signal);
-    const glb = decode(files.glb!);
-    return { glb, signer: await Signer.read(glb, fit) };
+  /** The figure that signs, by the first word, and the id of its avatar. */
+  private async figure(): Promise<{ person: Person; avatar: string | null }> {
+    const request = { glosses: this.line.slice(0, 1), whole_face: true, formats: ['glb' as const] };
+    return this.service.withAvatar(this.avatar, this.signal, async (avatar) => {
+      const { files } = await this.service.sentence({ ...request, avatar }, this.signal);
+      return { person: await Person.mannequin(decode(files.glb!)), avatar };
+    });
   }
 
   /** The number of the frame after the last that has come. */
   private get end(): number {
-    return this.first + this.poses.length;
+    return this.shown + this.frames.length;
   }
 
   /** How many words from a number on are sent at once: up to the end of a phrase, else up to a place within no compound. */
@@ -133,29 +128,32 @@ export class SentenceStream {
     const words = this.line.slice(from, from + PHRASE + 1);
     const end = words.findLastIndex((word, k) => k < PHRASE && /[.!?]$/.test(word)) + 1;
     if (end || words.length <= PIECE) return end || words.length;
-    const service = new Service(this.address);
     for (let size = PIECE; size > 1; size--) {
       const pair = `${words[size - 1]}-${words[size]}`;
-      const mayBeOne = /^[\p{L}\p{N}'-]+$/u.test(pair) && (await service.words(pair, 1, this.signal)).total;
+      const mayBeOne = /^[\p{L}\p{N}'-]+$/u.test(pair) && (await this.service.words(pair, 1, this.signal)).total;
       if (!mayBeOne) return size;
     }
     return PIECE;
   }
 
   /** Read a message; whether it was the last. */
-  private read(message: string | ArrayBuffer, signer: Signer): boolean {
+  private read(message: string | ArrayBuffer): boolean {
+    const { report } = this.scene;
     if (typeof message !== 'string') {
-      const poses = this.skeleton!.poses(message);
-      const { first = -1, channels = [], weights = [] } = this.face ?? {};
-      if (first === this.end) weights.forEach((row, k) => (poses[k]!.face = new Map(channels.map((name, n) => [name, row[n]!]))));
-      this.poses.push(...poses);
+      const [first, count] = [4, 8].map((at) => new DataView(message).getUint32(at, true)) as [number, number];
+      const { channels = [], weights = [] } = this.face?.first === first ? this.face : {};
+      const values = new Float32Array(message, HEADER);
+      for (let k = 0; k < count; k++) {
+        const row = values.subarray((k * values.length) / count, ((k + 1) * values.length) / count);
+        this.frames.push({ row, face: new Map(channels.map((name, n) => [name, weights[k]![n]!])) });
+      }
+      report.frames = this.end;
       return false;
     }
     const said = JSON.parse(message) as ServiceMessage | { type: 'unit'; unit: SentenceToken };
-    const { report } = this.scene;
     if (said.type === 'skeleton') {
       this.fps = report.fps = said.fps;
-      this.skeleton = new Skeleton(said, signer);
+      this.skeleton = said;
     } else if (said.type === 'span') {
       report.spans.push(said.span);
       if (said.span.kind === 'sign') this.seen++;
@@ -166,7 +164,6 @@ export class SentenceStream {
       this.readAt = performance.now();
     } else if (said.type === 'face') {
       this.face = said;
-      for (const name of said.channels) this.channels.add(name);
     } else if (said.type === 'seam') report.seams.push(said.seam);
     else if (said.type === 'warning') report.warnings.push(said.warning);
     else if (said.type === 'error') {
@@ -178,61 +175,67 @@ export class SentenceStream {
     }
     return said.type === 'done';
   }
-
-  private forget(before: number): void {
-    this.poses.splice(0, before - this.first);
-    this.first = before;
-  }
-
-  private take(signer: Signer) {
-    const worlds = signer.bones.map((_, k) => Float64Array.from(this.poses.flatMap((pose) => [...pose.worlds.subarray(4 * k, 4 * k + 4)])));
-    const hips = Float64Array.from(this.poses.flatMap((pose) => pose.hips.toArray()));
-    const faces = new Map([...this.channels].map((name) => [name, Float32Array.from(this.poses, ({ face }) => face.get(name) ?? 0)]));
-    return signer.take(worlds, hips, Float32Array.from(this.poses, (_, k) => (this.first + k) / this.fps), faces);
-  }
 }
 
-/** The skeleton of a stream, placed as the figure stands. */
-class Skeleton {
-  private readonly joints: number[];
-  private placed: { turn: Quaternion; from: Vector3; to: Vector3 } | null = null;
+/** A person as the skeleton of a stream: the nodes that its frames move. */
+class Figure {
+  private readonly objects = new Map<number, Object3D>(); // of the file's nodes
+  private readonly nodes: Object3D[];
+  private readonly targets = new Map<string, { mesh: Mesh; number: number }[]>(); // of the channels of a face so far
+  private placement: { turn: Quaternion; from: Vector3; to: Vector3 } | null = null;
 
-  constructor(private readonly message: SkeletonMessage, private readonly signer: Signer) {
-    this.joints = signer.names.map((name) => message.names.indexOf(name));
-    if (this.joints.includes(-1)) throw new Error('the stream has another skeleton than its first word');
-  }
-
-  /** The poses in a binary message of frames. */
-  poses(message: ArrayBuffer): Pose[] {
-    const n = this.message.names.length;
-    const frames = new DataView(message).getUint32(8, true);
-    const rows = new Float32Array(message, HEADER);
-    return Array.from({ length: frames }, (_, frame) => this.pose(rows.subarray(frame * (3 + 4 * n), (frame + 1) * (3 + 4 * n))));
-  }
-
-  private pose(row: Float32Array): Pose {
-    const { parents, offsets, metres } = this.message;
-    const turns: Quaternion[] = [];
-    const places: Vector3[] = [];
-    parents.forEach((parent, joint) => {
-      const turn = new Quaternion().fromArray(row, 3 + 4 * joint);
-      turns.push(parent < 0 ? turn : turn.premultiply(turns[parent]!));
-      const place = parent < 0 ? new Vector3().fromArray(row) : new Vector3(...offsets[joint]!).applyQuaternion(turns[parent]!).add(places[parent]!);
-      places.push(place);
+  constructor(private readonly person: Person, private readonly skeleton: SkeletonMessage) {
+    const { scene, parser: { associations, json } } = person.file;
+    scene.traverse((object) => {
+      const number = associations.get(object)?.nodes;
+      if (number !== undefined) this.objects.set(number, object);
     });
-    const hips = places[this.joints[0]!]!.multiplyScalar(metres);
-    this.placed ??= this.place(turns[this.joints[0]!]!, hips);
-    const { turn, from, to } = this.placed;
-    const worlds = new Float64Array(4 * this.joints.length);
-    this.joints.forEach((joint, k) => new Quaternion().multiplyQuaternions(turn, turns[joint]!).toArray(worlds, 4 * k));
-    return { worlds, hips: hips.clone().sub(from).applyQuaternion(turn).add(to), face: new Map() };
+    const { nodes: listed } = json as { nodes: { name?: string }[] };
+    const numbers = skeleton.nodes ?? skeleton.names.map((name) => listed.findIndex((node) => node.name === name));
+    this.nodes = numbers.flatMap((number) => this.objects.get(number) ?? []);
+    if (this.nodes.length < numbers.length) throw new Error('the stream has another skeleton than its first word');
   }
 
-  /** The figure's first frame is the stream's: it stands at the origin and faces the camera. */
-  private place(turn: Quaternion, from: Vector3) {
-    const worlds = this.joints.map(() => new Float64Array(4));
-    const to = new Float64Array(3);
-    this.signer.pose(0, worlds, to, 0);
-    return { turn: new Quaternion().fromArray(worlds[0]!).multiply(turn.clone().invert()), from: from.clone(), to: new Vector3().fromArray(to) };
+  /** The motion in frames, the first of them at a time in seconds. */
+  tracks(frames: Frame[], start: number, fps: number): KeyframeTrack[] {
+    const times = Float32Array.from(frames, (_, k) => start + k / fps);
+    const places = new Float32Array(3 * frames.length);
+    const turns = this.nodes.map((_, joint) => Float32Array.from(frames.flatMap(({ row }) => [...row.subarray(3 + 4 * joint, 7 + 4 * joint)])));
+    frames.forEach(({ row }, k) => this.place(row, k, places, turns[0]!));
+    for (const name of frames.flatMap(({ face }) => [...face.keys()])) if (!this.targets.has(name)) this.targets.set(name, this.targetsOf(name));
+    const faces = [...this.targets].flatMap(([name, targets]) => {
+      const weights = Float32Array.from(frames, ({ face }) => face.get(name) ?? 0);
+      return targets.map(({ mesh, number }) => new NumberKeyframeTrack(`${mesh.uuid}.morphTargetInfluences[${number}]`, times, weights));
+    });
+    const rotations = turns.map((values, joint) => new QuaternionKeyframeTrack(`${this.nodes[joint]!.uuid}.quaternion`, times, values));
+    return [new VectorKeyframeTrack(`${this.nodes[0]!.uuid}.position`, times, places), ...rotations, ...faces];
+  }
+
+  /** Place a frame's root: the stream begins where the person stands. */
+  private place(row: Float32Array, frame: number, places: Float32Array, turns: Float32Array): void {
+    const root = this.nodes[0]!;
+    const at = new Vector3().fromArray(row).multiplyScalar(this.skeleton.metres);
+    const own = new Quaternion().fromArray(row, 3);
+    this.placement ??= {
+      turn: root.getWorldQuaternion(new Quaternion()).multiply(own.clone().invert()),
+      from: at.clone(),
+      to: root.getWorldPosition(new Vector3()),
+    };
+    const { turn, from, to } = this.placement;
+    const above = root.parent!.getWorldQuaternion(new Quaternion()).invert();
+    own.premultiply(turn).premultiply(above).toArray(turns, 4 * frame);
+    root.parent!.worldToLocal(at.sub(from).applyQuaternion(turn).add(to)).toArray(places, 3 * frame);
+  }
+
+  /** The morph targets of a channel: ARKit's by name, or those of a node by NODE/NUMBER. */
+  private targetsOf(channel: string): { mesh: Mesh; number: number }[] {
+    const [, node, target] = /^(\d+)\/(\d+)$/.exec(channel) ?? [];
+    const found: { mesh: Mesh; number: number }[] = [];
+    (node ? this.objects.get(Number(node)) : this.person.file.scene)?.traverse((mesh) => {
+      if (!(mesh instanceof Mesh) || !mesh.morphTargetInfluences) return;
+      const number = node ? Number(target) : mesh.morphTargetDictionary?.[channel];
+      if (number !== undefined) found.push({ mesh, number });
+    });
+    return found;
   }
 }

@@ -149,23 +149,6 @@ export interface Report {
   timing_ms: Record<string, number>;
 }
 
-/** A part of the signer's skin: a tapered capsule that a bone carries. */
-export interface FitCapsule {
-  key: string;
-  bone: string;
-  region: "head" | "trunk" | "upperArm" | "lowerArm" | "hand";
-  side: "" | "left" | "right";
-  start: [number, number, number];
-  end: [number, number, number];
-  radii: [number, number];
-}
-
-/** What a page needs, beside the VRM animation, to fit the motion to an avatar. */
-export interface FitSource {
-  capsules: FitCapsule[];
-  signing: [number, number][];
-}
-
 /** A spliced sentence. */
 export interface Spliced {
   name: string;
@@ -173,7 +156,11 @@ export interface Spliced {
   files: Files;
   units: SentenceToken[];
   spelled: string[];
-  fit: FitSource | null;
+}
+
+/** An avatar that the service keeps until no request has named it for an hour, by default. */
+export interface UploadedAvatar {
+  avatar: string;
 }
 
 /** A word of the lexicon. */
@@ -238,6 +225,7 @@ export interface OpenMessage {
   one_language?: boolean;
   pauses?: boolean;
   face_rules?: boolean;
+  avatar?: string | null;
 }
 
 /** One more word, or a token to spell. */
@@ -263,6 +251,7 @@ export interface SkeletonMessage {
   fps: number;
   names: string[];
   parents: number[];
+  nodes: number[] | null;
   offsets: [number, number, number][];
   metres: number;
   cutter: string;

@@ -109,11 +109,39 @@ def pack(document: Fields, blob: bytes) -> bytes:
 
 def _local_quats(clip: Clip, file: AvatarFile) -> FloatArray:
     """Return the rotations (T, J, 4) of the joints' nodes."""
-    turn = rotation.from_matrix(file.turn)
+    turn, above = rotation.from_matrix(file.turn), rotation.nearest(file.above[:3, :3])
+    quats = np.array(in_file_axes(clip, file).local_rotations)
+    quats[:, 0] = rotation.normalize(rotation.multiply(rotation.inverse(rotation.multiply(turn, above)), quats[:, 0]))
+    return quats
+
+
+def in_file_axes(clip: Clip, file: AvatarFile) -> Clip:
+    """Return a clip of the avatar on joints that have the axes of the file's nodes at rest: local rotations become
+    those of the nodes, but for the root's, which stays a rotation in the avatar's world.
+    """
     rest = np.stack([rotation.nearest(matrix[:3, :3]) for matrix in file.worlds])
-    parents = np.array([rotation.nearest(file.above[:3, :3]), *rest])[clip.skeleton.parents + 1]
-    local = rotation.multiply(rotation.multiply(rotation.inverse(turn), clip.local_rotations), turn)
-    return rotation.normalize(rotation.multiply(rotation.multiply(rotation.inverse(parents), local), rest))
+    rest = rotation.multiply(rotation.from_matrix(file.turn), rest)  # (J, 4) in the avatar's world
+    to_parents = rotation.inverse(np.array([rotation.IDENTITY, *rest])[clip.skeleton.parents + 1])
+    local = rotation.multiply(rotation.multiply(to_parents, clip.local_rotations), rest)
+    offsets, at_rest = rotation.rotate(to_parents, clip.skeleton.offsets), rotation.multiply(to_parents, rest)
+    names, roles = clip.skeleton.names, clip.skeleton.roles
+    skeleton = Skeleton(names, clip.skeleton.parents, offsets, roles=roles, rest_pose=at_rest)
+    return Clip(skeleton, rotation.normalize(local), clip.root_positions, clip.fps, clip.name)
+
+
+def morph_weights(clip: Clip, file: AvatarFile) -> tuple[tuple[str, ...], FloatArray] | None:
+    """Return the morph targets of the file that the clip's face moves, as NODE/NUMBER, and their weights (T, n) there;
+    None if the clip has no face.
+    """
+    if clip.face is None:
+        return None
+    columns = {
+        f"{node}/{k}": column
+        for node, weights in _face(clip, file).items()
+        for k, column in enumerate(weights.T)
+        if column.any()
+    }
+    return tuple(columns), np.stack([*columns.values()], axis=1) if columns else np.zeros((len(clip), 0))
 
 
 def _face(clip: Clip, file: AvatarFile) -> dict[int, FloatArray]:

@@ -10,6 +10,7 @@ import socket
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager
+from dataclasses import replace
 from importlib.metadata import version
 from math import ceil
 from typing import Annotated, Any, Literal, TypeVar
@@ -30,6 +31,7 @@ from signsplice.formats import WIRE_SUFFIXES, join_suffixes
 from signsplice.formats.avatar import AVATAR_SUFFIXES
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.service import page, wire, work
+from signsplice.service.avatars import UploadedAvatars
 from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import Limits, Shares, caller, while_connected
 from signsplice.service.monitoring import CountRequests, Metrics, quieten
@@ -65,6 +67,9 @@ _SPLICED: dict[int | str, dict[str, Any]] = {
 }
 _UPLOAD_SECONDS = 1.0
 """Expected work of a request with files, s: it is unknown until they are read, and then what was done counts."""
+_AvatarFile = Annotated[
+    UploadFile, File(description=f"{join_suffixes(AVATAR_SUFFIXES)}, whole: no other file is read.")
+]
 _ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gif: a film."
 
 
@@ -80,6 +85,7 @@ class Service:
         self.queue = FairQueue(self.long_workers)
         self.requests = Shares("requests that wait", settings.max_connections, settings.max_client_waiting)
         self.streams = Shares("streams", settings.max_streams, settings.max_client_streams)
+        self.avatars = UploadedAvatars(settings)
         self.n_streams: Counter[Worker] = Counter()
         self.metrics = Metrics(
             lambda: self.requests.n_held,
@@ -110,19 +116,21 @@ class Service:
         return all(worker.is_warm for worker in self._workers)
 
     async def sign(
-        self, call: Request, request: wire.SentenceRequest, file: wire.AnswerFile | None, *uploaded: tuple[str, bytes]
+        self, call: Request, request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None
     ) -> work.Answer:
         """Answer a sentence: at once if it is quick, else by a long job. Raises as ``run``."""
         with self.requests.hold(call):
-            seconds = _UPLOAD_SECONDS
-            if not uploaded:
-                quick = await self.run(
-                    call, self.quick_workers, work.QUICK_SECONDS, work.splice_if_quick, request, file
-                )
-                if isinstance(quick, work.Answer):
-                    return quick
-                seconds = quick
-            return await self.run(call, self.long_workers, seconds, work.splice_glosses, request, file, *uploaded)
+            job = work.splice_if_quick, request, file, upload
+            quick = await self.run(call, self.quick_workers, work.QUICK_SECONDS, *job)
+            if isinstance(quick, work.Answer):
+                return quick
+            return await self.run(call, self.long_workers, quick, work.splice_glosses, request, file, upload)
+
+    async def read_avatar(self, call: Request, file: UploadFile) -> bytes:
+        """Return an uploaded avatar, as jobs take it. Raises as ``run``."""
+        with self.requests.hold(call):
+            job = work.pickle_avatar, safe_name(file.filename or "avatar"), await file.read()
+            return await self.run(call, self.long_workers, _UPLOAD_SECONDS, *job)
 
     async def run(
         self, call: Request, workers: Sequence[Worker], seconds: float, job: Callable[..., ResultT], *args: object
@@ -145,7 +153,7 @@ class Service:
             self.n_streams[worker] += 1
             stack.callback(self.n_streams.subtract, [worker])
             stack.enter_context(self.metrics.streams.track_inprogress())
-            await StreamSession(socket, self.settings, self.queue, worker, self.metrics).run()
+            await StreamSession(socket, self.settings, self.queue, worker, self.metrics, self.avatars).run()
 
 
 def create(settings: Settings, scenes: Sequence[Mapping[str, Any]] = ()) -> FastAPI:
@@ -239,14 +247,12 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
     ) -> Response:
         """Sign glosses, or a line of them as text: one animation, and the report of its seams."""
         _check_line(request, settings)
-        return _response(await service.sign(call, request, file))
+        return _response(await service.sign(call, request, file, service.avatars.content(request.avatar)))
 
     @app.post("/v1/fit", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def fit(
         call: Request,
-        avatar: Annotated[
-            UploadFile, File(description=f"{join_suffixes(AVATAR_SUFFIXES)}, whole: no other file is read.")
-        ],
+        avatar: _AvatarFile,
         options: Annotated[str, Form(description="JSON: what to sign, as of /v1/sentence.")],
         file: Annotated[wire.Format | None, Query(description="Answer with this one file instead of JSON.")] = None,
     ) -> Response:
@@ -255,8 +261,13 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         _check_line(request, settings)
         if request.avatar is not None:
             raise InputError("options: an avatar is named, expected none beside the one that is uploaded")
-        uploaded = safe_name(avatar.filename or "avatar"), await avatar.read()
-        return _response(await service.sign(call, request, file, uploaded))
+        upload = await service.read_avatar(call, avatar)
+        return _response(await service.sign(call, replace(request, avatar="upload"), file, upload))
+
+    @app.post("/v1/avatar", responses=_FAILURES)
+    async def upload_avatar(call: Request, avatar: _AvatarFile) -> wire.UploadedAvatar:
+        """Upload an avatar once; requests and streams then name its id."""
+        return wire.UploadedAvatar(service.avatars.add(caller(call), await service.read_avatar(call, avatar)))
 
     @app.post("/v1/splice", response_model=wire.Spliced, responses={**_SPLICED, **_FAILURES})
     async def splice(
@@ -274,7 +285,7 @@ def _add_work_routes(app: FastAPI, service: Service) -> None:
         request = _options(_SPLICE_OPTIONS, options)
         clips = [(safe_name(upload.filename or "clip"), await upload.read()) for upload in files]
         with service.requests.hold(call):
-            job = work.splice_files, clips, request, file
+            job = work.splice_files, clips, request, file, service.avatars.content(request.avatar)
             return _response(await service.run(call, service.long_workers, _UPLOAD_SECONDS, *job))
 
     @app.websocket("/v1/stream")

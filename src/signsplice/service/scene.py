@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from signsplice.body.capsules import body_capsules
-from signsplice.body.retarget import signing
 from signsplice.errors import InputError
 from signsplice.formats import FORMATS, WIRE_FORMATS, glb
 from signsplice.formats import encode as encode_file
-from signsplice.motion import Clip, Skeleton, kinematics, resample, rotation
+from signsplice.motion import Clip, resample
 from signsplice.rig.info import rig_info
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Span, SpliceResult
@@ -73,10 +71,9 @@ def splice_response(
             files[form] = base64.b64encode(encode(clip, form, **glb_has)).decode("ascii")
         except InputError as error:
             warnings.append(f"no .{form} file of this clip: {error}")
-    fit = fit_source(clip) if files["vrma"] else None
     return {
         "name": clip.name, "report": {**report, "warnings": warnings}, "files": files, "units": list(units),
-        "spelled": [unit["token"] for unit in units if unit["spelled"]], "fit": fit,
+        "spelled": [unit["token"] for unit in units if unit["spelled"]],
     }  # fmt: skip
 
 
@@ -99,7 +96,7 @@ def to_json(message: Mapping[str, Any]) -> bytes:
 
 
 def skeleton(clip: Clip) -> dict[str, Any]:
-    """Return the skeleton of a stream's frames as ``wire.SkeletonMessage``, without the names of the methods."""
+    """Return the skeleton of a stream's frames as ``wire.SkeletonMessage``, without nodes and names of methods."""
     return {
         "type": "skeleton",
         "fps": clip.fps,
@@ -125,35 +122,3 @@ def safe_name(text: str) -> str:
     """Return a caller's name as a file name without folder: printable, at most 80 characters; "clip" if it is empty."""
     name = PurePath(text.replace("\\", "/")).name
     return "".join(c if c.isprintable() and c not in '<>:"|?*/' else "_" for c in name)[:80] or "clip"
-
-
-_ARM_REGIONS = {"sleeve": "upperArm", "cuff": "lowerArm"}
-
-
-def fit_source(clip: Clip) -> dict[str, Any] | None:
-    """Return the clip's signer as JSON-ready ``wire.FitSource``, with which a page fits the clip to an avatar; None
-    unless both arms are known by name.
-    """
-    if not rig_info(clip.skeleton).has_arms:
-        return None
-    return {"capsules": _capsules(clip.skeleton), "signing": np.round(signing(clip), 3).tolist()}
-
-
-def _capsules(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """Return the capsules that hands may touch, of head, trunk, arms and hands, as ``wire.FitCapsule``."""
-    info, body = rig_info(skeleton), body_capsules(skeleton)
-    metres, rest, role_of = info.sizes.unit.metres, info.t_pose, info.roles.role_of
-    groups, capsules = body.groups, []
-    regions = dict.fromkeys(groups.head, "head") | dict.fromkeys(groups.trunk, "trunk")
-    regions |= dict.fromkeys((*groups.left, *groups.right), "hand")
-    regions |= {row: _ARM_REGIONS[part] for row, part in enumerate(body.parts) if part in _ARM_REGIONS}
-    for row, region in sorted(regions.items()):
-        joint = int(body.joints[row])
-        bone = next((k for k in kinematics.path_to_root(skeleton, joint) if k in role_of), info.roles.joints["hips"])
-        ends = rotation.rotate(rest.rotations[joint], np.stack([body.starts[row], body.ends[row]]))
-        start, end = np.round(metres * (ends + rest.positions[joint] - rest.positions[bone]), 6).tolist()
-        capsules.append({
-            "key": body.keys[row], "bone": role_of[bone], "region": region, "side": body.sides[row],
-            "start": start, "end": end, "radii": np.round(metres * body.radii[row], 6).tolist(),
-        })  # fmt: skip
-    return capsules

@@ -74,6 +74,12 @@ class Settings:
     """Open streams."""
     max_client_streams: int = 50
     """Of these, streams from one address."""
+    max_avatar_bytes: int = 512 * MIB
+    """Memory of all uploaded avatars, of which one may take a quarter; then one of the client with most is dropped."""
+    max_client_avatars: int = 4
+    """Uploaded avatars from one address; then the one named least recently is dropped."""
+    avatar_seconds: float = 3600.0
+    """Time after which an uploaded avatar is dropped that no request has named."""
     max_stream_words: int = 64
     """Words of a stream that wait to be signed; until one is signed, no more messages are read."""
     max_message_bytes: int = 16 * 1024

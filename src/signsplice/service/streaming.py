@@ -19,6 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from signsplice.errors import InputError, SignspliceError, UnknownGlossError
 from signsplice.service import wire, work
+from signsplice.service.avatars import UploadedAvatars
 from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import caller, while_connected
 from signsplice.service.monitoring import Metrics
@@ -67,9 +68,15 @@ class StreamSession:
     """The stream of one client."""
 
     def __init__(
-        self, socket: WebSocket, settings: Settings, queue: FairQueue, worker: Worker, metrics: Metrics
+        self,
+        socket: WebSocket,
+        settings: Settings,
+        queue: FairQueue,
+        worker: Worker,
+        metrics: Metrics,
+        avatars: UploadedAvatars,
     ) -> None:
-        self._socket, self._settings, self._metrics = socket, settings, metrics
+        self._socket, self._settings, self._metrics, self._avatars = socket, settings, metrics, avatars
         self._queue, self._worker = queue, worker
         self._key = uuid4().hex
         self._process: WorkerProcess
@@ -91,7 +98,8 @@ class StreamSession:
             await self._fail(group)
 
     async def _serve(self, opening: wire.OpenMessage) -> None:
-        self._process, _ = await self._take_turn(lambda worker: worker.begin(work.open_stream, self._key, opening))
+        job = work.open_stream, self._key, opening, self._avatars.content(opening.avatar)
+        self._process, _ = await self._take_turn(lambda worker: worker.begin(*job))
         self._last_activity = time.monotonic()
         try:
             async with asyncio.TaskGroup() as tasks:

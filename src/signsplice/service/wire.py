@@ -147,7 +147,7 @@ class SentenceRequest(Dials):
     formats: of the files to answer with.
     mesh: whether a glb file shows its signer; else it holds joints and motion alone.
     whole_face: whether that signer can show all coefficients of a face, of a stream that follows, or those used here.
-    avatar: name of the service's avatar that signs; null for the lexicon's signer.
+    avatar: that signs: name of one of the service's, or id of an upload; null for the lexicon's signer.
     """
 
     glosses: Glosses | None = None
@@ -171,7 +171,7 @@ class SpliceRequest(Dials):
 
     formats: of the files to answer with.
     mesh: whether a glb file shows its signer; else it holds joints and motion alone.
-    avatar: name of the service's avatar that signs; null for the signer of the first file.
+    avatar: that signs, as in a sentence; null for the signer of the first file.
     """
 
     formats: Formats = field(default_factory=lambda: ["bvh"])
@@ -204,44 +204,12 @@ class Report:
 
 
 @dataclass(frozen=True)
-class FitCapsule:
-    """A part of the signer's skin: a tapered capsule that a bone carries.
-
-    key: a name that the same capsule has on every body.
-    bone: of the humanoid (a VRM 1.0 name).
-    start, end: of the axis, from the bone's joint, with the humanoid in the T-pose (left +X, up +Y, forward +Z), m.
-    radii: at start and end, m.
-    """
-
-    key: str
-    bone: str
-    region: Literal["head", "trunk", "upperArm", "lowerArm", "hand"]
-    side: Literal["", "left", "right"]
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
-    radii: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class FitSource:
-    """What a page needs, beside the VRM animation, to fit the motion to an avatar.
-
-    capsules: the signer's body.
-    signing: how much the left and the right arm sign in each frame, 0 to 1.
-    """
-
-    capsules: list[FitCapsule]
-    signing: list[tuple[float, float]]
-
-
-@dataclass(frozen=True)
 class Spliced:
     """A spliced sentence.
 
     name: of the clip.
     units: how each gloss was read; empty for a splice of files.
     spelled: words, as typed, that are fingerspelled.
-    fit: the signer's body; null where no VRM animation was requested, or the clip has none.
     """
 
     name: str
@@ -249,7 +217,16 @@ class Spliced:
     files: Files
     units: list[SentenceToken] = field(default_factory=list)
     spelled: list[str] = field(default_factory=list)
-    fit: FitSource | None = None
+
+
+@dataclass(frozen=True)
+class UploadedAvatar:
+    """An avatar that the service keeps until no request has named it for an hour, by default.
+
+    avatar: its id.
+    """
+
+    avatar: str
 
 
 @dataclass(frozen=True)
@@ -345,6 +322,7 @@ class OpenMessage(Dials):
     one_language: as in a sentence, for each text.
     pauses: whether a sign is held at the punctuation after its word, in the same message.
     face_rules: as in a sentence; brows ask within a text.
+    avatar: as in a sentence; every word is fitted to its body before words are joined on it.
     """
 
     type: Literal["open"]
@@ -356,6 +334,7 @@ class OpenMessage(Dials):
     one_language: bool = False
     pauses: bool = True
     face_rules: bool = False
+    avatar: MethodName | None = None
 
 
 @dataclass(frozen=True)
@@ -393,6 +372,8 @@ class SkeletonMessage:
 
     names: of the joints.
     parents: index of each joint's parent, -1 for the root.
+    nodes: numbers of the joints' nodes in an avatar's file as glb, whose rotations are those of the frames, but for the
+        root; null without avatar.
     offsets: position of each joint relative to its parent at rest, in the skeleton's unit.
     metres: length of that unit.
     cutter, transition: names of the methods used.
@@ -402,6 +383,7 @@ class SkeletonMessage:
     fps: float
     names: list[str]
     parents: list[int]
+    nodes: list[int] | None
     offsets: list[tuple[float, float, float]]
     metres: float
     cutter: str
@@ -429,7 +411,7 @@ class FaceMessage:
     """The face in the frames that follow; none is sent where they have none.
 
     first: number of the first of its frames.
-    channels: names of ARKit's coefficients; those that are not named are 0.
+    channels: names of ARKit's coefficients, or NODE/NUMBER of morph targets in an avatar's file; others are 0.
     weights: of each frame, in the order of ``channels``.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import signal
 import sys
 import time
@@ -16,14 +17,14 @@ from signsplice.body.capsules import Avatar
 from signsplice.children import end_with_parent
 from signsplice.errors import InputError, UnknownGlossError
 from signsplice.formats import parse as parse_file
-from signsplice.formats.avatar import parse_avatar, read_avatar
+from signsplice.formats.avatar import in_file_axes, morph_weights, parse_avatar, read_avatar, with_bones
 from signsplice.lexicon import Lexicon, sentence
 from signsplice.lexicon.gloss import LETTER_MARK
 from signsplice.lexicon.languages import read_languages
 from signsplice.lexicon.lexicon import open_lexicon
 from signsplice.motion import Clip
 from signsplice.service import scene, wire
-from signsplice.service.settings import Settings
+from signsplice.service.settings import MIB, Settings
 from signsplice.splicing import options as methods
 from signsplice.splicing import report as reports
 from signsplice.splicing.engine import Piece, SpliceOptions, Stream, onto_avatar, splice
@@ -79,12 +80,14 @@ class _OpenStream:
     """A stream's growing sentence.
 
     opening: options of its client.
+    avatar: that signs, or None.
     n_frames: number of frames sent; the skeleton is sent before them.
     """
 
     stream: Stream
     options: SpliceOptions
     opening: wire.OpenMessage
+    avatar: Avatar | None = None
     n_frames: int = 0
 
 
@@ -103,16 +106,8 @@ class _WorkerState:
         self.lexicon: Lexicon = open_lexicon(*settings.lexicons)
         self.clip = lru_cache(_N_CACHED_CLIPS)(self.lexicon.clip)
         self.owns = lru_cache(_N_CACHED_CLIPS)(self.lexicon.owns)
-        self.avatar = lru_cache(_N_CACHED_AVATARS)(self._read_avatar)
+        self.avatar = lru_cache(_N_CACHED_AVATARS)(lambda name: read_avatar(settings.avatar_files[name]))
         self.streams: dict[str, _OpenStream] = {}
-
-    def _read_avatar(self, name: str) -> Avatar:
-        """Read an avatar of the service. Raises ``InputError`` for an unknown name."""
-        files = self.settings.avatar_files
-        if name not in files:
-            known = f"expected one of {', '.join(sorted(files))}" if files else "this service was started without any"
-            raise InputError(f"avatar {name!r:.80}: {known}")
-        return read_avatar(files[name])
 
 
 _worker: _WorkerState
@@ -134,9 +129,11 @@ def start_worker(settings: Settings) -> None:
 
 def warm_up(is_quick: bool) -> None:
     """Warm up with a sentence of signs and letters, as a request, and as a stream if the process is for quick jobs:
-    read the networks, build the mannequin's mesh, and read an unknown word. Measures the pace.
+    read the networks, build the mannequin's mesh, and read an unknown word and avatars. Measures the pace.
     """
     lexicon = _worker.lexicon
+    for name in [*_worker.settings.avatar_files][:_N_CACHED_AVATARS]:
+        _worker.avatar(name)
     with suppress(InputError):  # reads the notation of the shipped signs, to look for a form, and a dictionary
         sentence.parse("NO-SUCH-WORD", lexicon)
     glosses = sorted(lexicon, key=lambda gloss: gloss.startswith(LETTER_MARK))
@@ -166,7 +163,29 @@ def warm_up(is_quick: bool) -> None:
 Requested = wire.SentenceRequest | wire.SpliceRequest
 
 
-def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None) -> Answer | float:
+def pickle_avatar(name: str, content: bytes) -> bytes:
+    """Return the avatar in an uploaded file for later jobs, their ``upload``. Raises ``InputError``, also if it takes
+    too much memory.
+    """
+    pickled = pickle.dumps(parse_avatar(content, name, _worker.settings.read_limits), pickle.HIGHEST_PROTOCOL)
+    limit = _worker.settings.max_avatar_bytes // 4
+    if len(pickled) > limit:
+        sizes = f"{len(pickled) / MIB:.1f} MiB in memory, expected at most {limit / MIB:.1f} MiB"
+        raise InputError(f"{name}: takes {sizes}; simplify its mesh or textures")
+    return pickled
+
+
+def _avatar(name: str | None, upload: bytes | None) -> Avatar | None:
+    """Return an uploaded avatar, else one of the service's by name."""
+    if upload is None:
+        return None if name is None else _worker.avatar(name)
+    avatar: Avatar = pickle.loads(upload)
+    return avatar
+
+
+def splice_if_quick(
+    request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None = None
+) -> Answer | float:
     """Answer a sentence as ``splice_glosses`` if that is quick, else return the work that it takes at least, seconds.
 
     Raises ``InputError`` as it does, and for work that does not fit ``work_seconds``.
@@ -180,7 +199,7 @@ def splice_if_quick(request: wire.SentenceRequest, file: wire.AnswerFile | None)
     n_joints = len(_worker.clip(stored[0].gloss).skeleton) if stored and request.avatar is None else 0
     seconds += _check_work(len(glosses), n_joints, least, sum(entry.seconds for entry in stored), fps, request, file)
     is_quick = seconds <= QUICK_SECONDS and file not in wire.PICTURES
-    return splice_glosses(request, file) if is_quick else seconds
+    return splice_glosses(request, file, upload) if is_quick else seconds
 
 
 def _check_work(
@@ -216,21 +235,22 @@ def _check_work(
     return seconds
 
 
-def splice_glosses(
-    request: wire.SentenceRequest, file: wire.AnswerFile | None, uploaded: tuple[str, bytes] | None = None
-) -> Answer:
-    """Answer a sentence with one ``file`` of it, or all as JSON; on the avatar of an ``uploaded`` file (name, content),
-    if given. Raises ``InputError``.
+def splice_glosses(request: wire.SentenceRequest, file: wire.AnswerFile | None, upload: bytes | None = None) -> Answer:
+    """Answer a sentence with one ``file`` of it, or all as JSON, on an avatar if one is named or uploaded. Raises
+    ``InputError``.
     """
     units = _units(request.text or " ".join(request.glosses or ()), request, request.compounds)
     sentence.token_glosses(units)  # raises if every word was left out
-    avatar = None if uploaded is None else parse_avatar(uploaded[1], uploaded[0], _worker.settings.read_limits)
+    avatar = _avatar(request.avatar, upload)
     words = words_of(units, _worker.clip, request.pauses, _worker.owns)
     return _answer(words, request, file, units, avatar, sentence.line_warnings(units, request.language))
 
 
 def splice_files(
-    files: Sequence[tuple[str, bytes]], request: wire.SpliceRequest, file: wire.AnswerFile | None
+    files: Sequence[tuple[str, bytes]],
+    request: wire.SpliceRequest,
+    file: wire.AnswerFile | None,
+    upload: bytes | None = None,
 ) -> Answer:
     """Answer files (name, content), in order, with one ``file`` of the splice, or all as JSON. A file of written signs
     stands for all of its signs.
@@ -240,7 +260,7 @@ def splice_files(
     clips = list[Clip]()
     for name, content in files:
         clips += _clips(name, content, _worker.settings.max_glosses - len(clips))
-    return _answer([Word(clip) for clip in clips], request, file, ())
+    return _answer([Word(clip) for clip in clips], request, file, (), _avatar(request.avatar, upload))
 
 
 def _clips(name: str, content: bytes, most: int) -> Iterator[Clip]:
@@ -260,14 +280,13 @@ def _answer(
     request: Requested,
     file: str | None,
     units: Sequence[sentence.SentenceToken],
-    avatar: Avatar | None = None,
+    avatar: Avatar | None,
     warnings: Sequence[str] = (),
 ) -> Answer:
     limit, fps = _worker.settings.max_frames, request.fps or words[0].clip.fps
     seconds = sum(word.clip.seconds for word in words) / request.sign_speed
     if seconds * fps > limit:
         raise InputError(f"{seconds:.0f} s at {fps:g} fps are {seconds * fps:.0f} frames, expected at most {limit}")
-    avatar = avatar if request.avatar is None else _worker.avatar(request.avatar)
     result = splice(words, options(request))
     result = replace(result, warnings=(*warnings, *result.warnings))
     n_joints = len(result.clip.skeleton) if avatar is None else 0
@@ -317,10 +336,13 @@ def _units(text: str, wanted: wire.SentenceRequest | wire.OpenMessage, compounds
 # --- streams ---
 
 
-def open_stream(key: str, opening: wire.OpenMessage) -> None:
-    """Begin a growing sentence. Raises ``InputError``."""
-    chosen = options(opening)
-    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening)
+def open_stream(key: str, opening: wire.OpenMessage, upload: bytes | None = None) -> None:
+    """Begin a growing sentence, of words that are fitted to an avatar if one is named or uploaded. Raises
+    ``InputError``.
+    """
+    avatar = _avatar(opening.avatar, upload)
+    chosen = replace(options(opening), onto=avatar)
+    _worker.streams[key] = _OpenStream(Stream(chosen), chosen, opening, avatar)
 
 
 Typed = wire.WordMessage | wire.TextMessage
@@ -371,17 +393,25 @@ def close_stream(key: str) -> None:
 
 def _messages(opened: _OpenStream, pieces: Iterable[Piece]) -> list[dict[str, Any] | bytes]:
     messages: list[dict[str, Any] | bytes] = []
+    file = None if opened.avatar is None else opened.avatar.file
     for piece in pieces:
+        clip, warnings, face = piece.clip, piece.warnings, piece.clip.face
+        channels = None if face is None else (face.channels, face.weights)
+        if file is not None:
+            channels = morph_weights(clip, file)
+            clip = in_file_axes(with_bones(clip, file), file)
         if not opened.n_frames:
             names = {"cutter": opened.stream.cutter, "transition": opened.stream.transition}
-            messages.append({**scene.skeleton(piece.clip), **names})
-        messages += [{"type": "warning", "warning": line} for line in piece.warnings]
+            nodes = None if file is None else list(file.nodes)
+            messages.append({**scene.skeleton(clip), "nodes": nodes, **names})
+            warnings = (*(() if opened.avatar is None else opened.avatar.warnings), *warnings)
+        messages += [{"type": "warning", "warning": line} for line in warnings]
         if piece.seam is not None:
             messages.append({"type": "seam", "seam": plain(asdict(piece.seam))})
         messages.append({"type": "span", "span": plain(asdict(piece.span))})
-        if (face := piece.clip.face) is not None:
-            rows = {"channels": list(face.channels), "weights": face.weights.round(4).tolist()}
+        if channels is not None:
+            rows = {"channels": list(channels[0]), "weights": channels[1].round(4).tolist()}
             messages.append({"type": "face", "first": opened.n_frames, **rows})
-        messages.append(scene.frames(piece.clip, opened.n_frames))
-        opened.n_frames += len(piece.clip)
+        messages.append(scene.frames(clip, opened.n_frames))
+        opened.n_frames += len(clip)
     return messages
