@@ -27,7 +27,7 @@ from serving import PATIENCE_S, messages_and_close_code, stream_client
 from signing import marked
 from signsplice.cli.commands import app
 from signsplice.errors import MissingExtraError
-from signsplice.formats import bvh, glb, parse, save
+from signsplice.formats import bvh, glb, parse, pose, save
 from signsplice.lexicon import open_shipped_lexicon
 from signsplice.motion import Clip, rotation
 from signsplice.rig.inspection import inspect
@@ -145,6 +145,20 @@ def test_files_are_spliced_in_order(service: httpx.Client, words: dict[str, Clip
     )
     assert without_timing(answer["report"]) == without_timing(json.loads(json.dumps(reports.describe(result))))
     assert base64.b64decode(answer["files"]["bvh"]) == bvh.encode(result.clip)
+
+
+def test_landmarks_are_spliced_as_the_engine_splices_them(service: httpx.Client, words: dict[str, Clip]) -> None:
+    contents = [pose.encode(words[gloss]) for gloss in ("SIGN", "DEAF")]
+    files = [("files", (f"{n}.pose", content)) for n, content in enumerate(contents)]
+    answer = service.post("/v1/splice", files=files, data={"options": json.dumps({"formats": ["pose"]})})
+    assert answer.status_code == 200, answer.text
+    clips = [pose.parse(content, f"{n}.pose") for n, content in enumerate(contents)]
+    assert base64.b64decode(answer.json()["files"]["pose"]) == pose.encode(splice(clips).clip)
+    broken = service.post(
+        "/v1/splice", files=[("files", ("a.pose", contents[0][:-7])), files[1]], data={"options": "{}"}
+    )
+    assert broken.status_code == 422
+    assert "a.pose: is no valid .pose file (it ends at byte" in broken.text
 
 
 def test_written_signs_are_signed_and_spliced_beside_clips(service: httpx.Client, words: dict[str, Clip]) -> None:

@@ -74,7 +74,7 @@ export function sceneOf({ scene, name, glb, vrma }: Source, seconds: number): Sp
 export function bareScene(name: string, fps: number, frames: number): Spliced {
   const tempo = { mode: 'citation', asked_seconds: null, seconds: null } as const;
   const report = { version: 1, fps, frames, cutter: '', transition: '', bundle: null, spans: [], seams: [], warnings: [], tempo, timing_ms: {} };
-  const scene: Omit<Spliced, 'spelled'> = { name, report, files: { bvh: null, glb: null, vrma: null }, units: [] };
+  const scene: Omit<Spliced, 'spelled'> = { name, report, files: { bvh: null, glb: null, vrma: null, pose: null }, units: [] };
   return scene as Spliced;
 }
 

@@ -1,11 +1,12 @@
 // Generated from the service's wire.py; do not edit.
 
-export type Format = "bvh" | "glb" | "vrma";
+export type Format = "bvh" | "glb" | "vrma" | "pose";
 
 export const MEDIA_TYPES: Record<Format, string> = {
   bvh: 'text/plain; charset=utf-8',
   glb: 'model/gltf-binary',
   vrma: 'model/gltf-binary',
+  pose: 'application/x-pose',
 };
 
 /** A token of a line of glosses, and how it is signed. */
@@ -71,6 +72,7 @@ export interface Files {
   bvh: string | null;
   glb: string | null;
   vrma: string | null;
+  pose: string | null;
 }
 
 /** Options of a splice. What is left out has the default of the command line. */
@@ -110,7 +112,7 @@ export interface SentenceRequest {
   one_language?: boolean;
   pauses?: boolean;
   face_rules?: boolean;
-  formats?: ("bvh" | "glb" | "vrma")[];
+  formats?: ("bvh" | "glb" | "vrma" | "pose")[];
   mesh?: boolean;
   whole_face?: boolean;
   avatar?: string | null;
@@ -129,7 +131,7 @@ export interface SpliceRequest {
   person?: number;
   seed?: number;
   system?: "lptransformer" | "lpt-plus" | null;
-  formats?: ("bvh" | "glb" | "vrma")[];
+  formats?: ("bvh" | "glb" | "vrma" | "pose")[];
   mesh?: boolean;
   avatar?: string | null;
 }
