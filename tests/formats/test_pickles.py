@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from signsplice.errors import InputError
-from signsplice.formats import load, pickles
+from signsplice.formats import WIRE_SUFFIXES, load, parse, pickles
 from signsplice.formats.reading import DEFAULT_LIMITS, NO_LIMITS, format_errors
 
 HINT = "save the poses in an .npz of NumPy arrays"
@@ -208,3 +208,10 @@ def test_limits_can_be_lifted() -> None:
         with pytest.raises(InputError, match="its instructions take"):
             pickles.parse(content, "a.pkl", DEFAULT_LIMITS)
         assert len(pickles.parse(content, "a.pkl", NO_LIMITS)) == 2
+
+
+@pytest.mark.parametrize("suffix", [".pkl", ".npy"])
+def test_uploads_are_not_taken(suffix: str) -> None:
+    assert suffix not in WIRE_SUFFIXES
+    with pytest.raises(InputError, match="cannot be taken"):
+        parse(VALID[0], f"a{suffix}")

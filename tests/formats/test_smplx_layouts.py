@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from signsplice.cli.commands import app
 from signsplice.errors import InputError
 from signsplice.formats import ReadAs, load, smplx
 from signsplice.motion import Clip, kinematics, rotation
@@ -75,6 +77,7 @@ def test_rows_of_sign_avatars_hold_the_left_hand_first_and_a_camera_last(
     clip = load(saved(rows if suffix == ".npy" else film, tmp_path / f"a{suffix}"))
     assert_poses(clip, p)
     np.testing.assert_array_equal(clip.root_positions, 0.0)
+    assert "hands are relative to the model's mean hand, which is licensed: fingers bend too little" in clip.notes
 
 
 @pytest.mark.parametrize("n_numbers", [165, 156])
@@ -189,6 +192,18 @@ def test_a_folder_of_frames_is_a_clip_in_natural_order(name: str, tmp_path: Path
 def test_a_gap_in_the_numbers_of_frames_is_noted(tmp_path: Path) -> None:
     clip = load(folder_of(parts(3), tmp_path / "a", "{}.npz", (8, 9, 12)))
     assert clip.notes[-1] == "2 of the frames 8 to 12 have no file: the others follow each other"
+
+
+def test_a_folder_is_converted_by_name_or_from_within(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = folder_of(parts(root=(np.pi, 0.1, 0)), tmp_path / "HELLO", "{}.npz")
+    monkeypatch.chdir(folder)
+    for source in (str(folder), "."):
+        result = CliRunner().invoke(app, ["convert", source, str(tmp_path / "a.bvh"), "--input-fps", "24"])
+        assert result.exit_code == 0, result.output
+        assert "poses in a camera's axes are turned upright; the signer stays in place" in result.output
+        clip = load(tmp_path / "a.bvh")
+        assert clip.fps == 24.0
+        assert len(clip) == N_FRAMES
 
 
 def test_folders_that_are_no_frames_of_one_recording_are_refused(tmp_path: Path) -> None:

@@ -142,6 +142,7 @@ def load(
     and ``LimitError`` if it exceeds ``limits``, which ``NO_LIMITS`` lifts.
     """
     is_folder = Path(path).is_dir()
+    path = path if Path(path).name else Path(path).resolve()  # "." is a folder too
     row = FORMATS[".npz"] if is_folder else _format(path, "read", READ_SUFFIXES)
     if take and not row.has_takes:
         raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")

@@ -26,7 +26,11 @@ def load(folder: Path, limits: ReadLimits) -> Clip:
     Raises ``InputError`` if it has no frames, files of several kinds, or names that do not tell the order, and
     ``FormatError`` for a frame that is not valid.
     """
-    paths = [path for path in folder.iterdir() if path.suffix.lower() in READERS and not path.name.startswith(".")]
+    try:
+        paths = [*folder.iterdir()]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror})") from error
+    paths = [path for path in paths if path.suffix.lower() in READERS and not path.name.startswith(".")]
     suffixes = sorted({path.suffix.lower() for path in paths})
     if len(suffixes) != 1:
         what = f"holds {' and '.join(suffixes)} files, expected a file" if paths else "is a folder, expected a file"

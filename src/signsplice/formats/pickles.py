@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from signsplice.errors import InputError
 from signsplice.formats import smplx
-from signsplice.formats.reading import JOINT_FRAME_BYTES, ReadLimits, check_most
+from signsplice.formats.reading import JOINT_FRAME_BYTES, ReadLimits
 from signsplice.motion import Clip
 
 _STEP_BYTES = 128
@@ -60,7 +60,6 @@ def parse_arrays(content: bytes, file: str, limits: ReadLimits) -> dict[str, NDA
         return _named_arrays(value)
     if not value:
         raise InputError("it holds no frames")
-    check_most(len(value), "frames", limits.frames, file)
     n_bytes = len(value) * max(smplx.N_NUMBERS.values()) * JOINT_FRAME_BYTES
     limits.check_memory(f"{len(value):,} frames", n_bytes, len(content), file)  # one dict may stand for many frames
     frames = [_named_arrays(frame) for frame in value]
@@ -100,11 +99,9 @@ def _describe(value: Any) -> str:
     """Describe a value in an error message."""
     if isinstance(value, _StoredArray):
         return "an array without numbers" if value.array is None else f"an array of {value.array.dtype}"
-    return (
-        f"what {value.name!r:.80} makes"
-        if isinstance(value, _Function)
-        else f"a value of type {type(value).__name__.strip('_')}"
-    )
+    if isinstance(value, _Function):
+        return f"what {value.name!r:.80} makes"
+    return f"a value of type {type(value).__name__.strip('_')}"
 
 
 @dataclass(frozen=True)

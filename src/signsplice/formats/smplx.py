@@ -70,7 +70,7 @@ NAMES = (PACKED, *_POSES, *(name for _, names in _PARTS for name in names), *_JO
 N_NUMBERS = {165: 55, 156: 52}
 """Numbers of a whole pose -> joints, with and without a face."""
 _BODY = (("root_orient", 3), ("pose_body", 63))
-_HANDS_JAW = (("left_hand_pose", 45), ("right_hand_pose", 45), ("pose_jaw", 3))
+_HANDS_JAW = (("smplx_lhand_pose", 45), ("smplx_rhand_pose", 45), ("pose_jaw", 3))
 _SHAPE = (("betas", 10), ("expression", 10))
 _LAYOUTS = {
     322: (*_BODY, ("pose_hand", 90), ("pose_jaw", 3), ("expression", 50), ("", 100), ("trans", 3), ("betas", 10)),
@@ -127,6 +127,8 @@ def _build_clip(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
     quats = rotation.exp(_check_array("poses", poses, poses.shape).reshape(len(poses), -1, 3))
     root_quats, root_positions, turned = _upright(quats[:, 0], _part("trans", roots, len(poses), 3))
     quats[:, 0] = root_quats
+    if "smplx_lhand_pose" in arrays:  # of OSX and what follows it, whose model has flat_hand_mean=False
+        notes.append("hands are relative to the model's mean hand, which is licensed: fingers bend too little")
     notes += [f"{key} is not read: bones have this project's lengths" for key in _SHAPES if _is_used(arrays, key)]
     return Clip(
         bones,
