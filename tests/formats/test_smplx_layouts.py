@@ -236,6 +236,14 @@ def test_folders_that_are_no_frames_of_one_recording_are_refused(tmp_path: Path)
     assert "4.npz: is no valid .npz file" in refused(broken)
 
 
+def test_hands_in_pca_of_sgnify_are_refused_with_what_to_save(tmp_path: Path) -> None:
+    frame = {"global_orient": np.zeros((1, 3)), "body_pose": np.zeros((1, 63)), "left_hand_pose": np.zeros((1, 12))}
+    for number in range(3):
+        (tmp_path / f"{number:03}.pkl").write_bytes(pickle.dumps(frame, protocol=2))
+    with pytest.raises(InputError, match=r"000\.pkl: left_hand_pose has shape .* save the 45 numbers"):
+        load(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [

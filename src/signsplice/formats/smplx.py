@@ -258,7 +258,7 @@ def _part(name: str, values: NDArray[Any], n_frames: int, size: int) -> FloatArr
 def _check_array(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     if values.shape != shape:
         what = (
-            "; hands in PCA need the licensed model"
+            "; hands in PCA need the licensed model: save the 45 numbers that it makes of them"
             if shape[1] == 45 and values.shape[-1:] not in ((45,), (3,))
             else ""
         )
