@@ -92,7 +92,7 @@ def test_a_file_of_one_frame_is_read_with_a_note(file: str) -> None:
         body = next(stored[name] for name in ("smplx_body_pose", "body_pose") if name in stored)
     assert len(clip) == 1
     np.testing.assert_allclose(rotation.log(clip.local_rotations[0, 1:22]).ravel(), body.ravel(), atol=1e-9)
-    assert clip.notes[0].startswith("it holds one frame; join the files of a recording")
+    assert clip.notes[0].startswith("it holds one frame; name the folder")
 
 
 @pytest.mark.parametrize(

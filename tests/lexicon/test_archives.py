@@ -14,7 +14,8 @@ from click.testing import CliRunner
 from signsplice import lexicon
 from signsplice.cli.lexicon import lexicon as commands
 from signsplice.errors import InputError
-from signsplice.formats import live_link, load, save
+from signsplice.formats import ReadAs, live_link, load, save
+from signsplice.formats.reading import DEFAULT_LIMITS
 from signsplice.lexicon import folder as folders
 from signsplice.lexicon import recordings
 from signsplice.lexicon.folder import reasons
@@ -252,7 +253,7 @@ def test_a_recipe_of_ones_own_and_unknown_names(tmp_path: Path) -> None:
     assert not find_recipe(str(file)).pattern.match("tree")
     assert find_recipe("flat") is RECIPES["flat"]
     with pytest.raises(
-        InputError, match=r"recipe 'galt', expected flat, dated, studiogalt, a .csv table or a .json file"
+        InputError, match=r"recipe 'galt', expected flat, frames, dated, studiogalt, a .csv table or a .json file"
     ):
         find_recipe("galt")
 
@@ -309,3 +310,32 @@ def test_the_command_prints_a_line_a_word_that_failed_and_a_summary(archive: Pat
     assert "       6 files ...ShapeKeys.txt not read: no source names their numbers; they stay" in done.stdout
     assert "       7 files of other kinds left: .txt 7\n" in done.stdout
     assert done.stdout.endswith("float32\n")
+
+
+def test_a_folder_of_frames_is_a_word_and_is_read_again_when_a_frame_changes(
+    words: dict[str, Clip], tmp_path: Path
+) -> None:
+    source, lex = tmp_path / "fits", tmp_path / "lex"
+    for gloss in ("HELLO", "NAME"):
+        save(words[gloss], tmp_path / f"{gloss}.smplx.npz")
+        with np.load(tmp_path / f"{gloss}.smplx.npz") as stored:
+            poses = stored["poses"]
+        folder = source / "asl.v2" / f"{gloss.lower()} 2.1"
+        folder.mkdir(parents=True)
+        for frame, pose in enumerate(poses):
+            np.savez(folder / f"{frame}.npz", poses=pose)
+    (source / "empty").mkdir()
+    (source / "empty" / "README.txt").write_text("")
+    (source / "broken").mkdir()
+    (source / "broken" / "1.npz").write_text("")
+    built = lexicon.build(source, lex, recipe="frames")
+    assert [*shown(lex).items()] == [("HELLO-2.1", ("asl.v2/hello 2.1", ())), ("NAME-2.1", ("asl.v2/name 2.1", ()))]
+    assert [line.partition(": ")[0] for line in built.left_out] == [
+        str(source / "empty"), str(source / "broken" / "1.npz")
+    ]  # fmt: skip
+    with lexicon.open(lex) as opened:
+        assert len(opened.clip("HELLO-2.1")) == len(words["HELLO"])
+    task = folders.FileTask((source / "asl.v2" / "hello 2.1",), (), "float32", ReadAs(), DEFAULT_LIMITS)
+    state = folders._key(task)
+    np.savez(task.paths[0] / "0.npz", poses=np.ones(165))
+    assert folders._key(task) != state

@@ -51,6 +51,8 @@ FORMATS = {
         FileFormat(".bvh", "bvh", media_type="text/plain; charset=utf-8", holds_faces=False),
         FileFormat(".npz", "npz"),
         FileFormat(".smplx.npz", "smplx", reads=False, holds_faces=False),
+        FileFormat(".npy", "npy", writes=False, holds_faces=False),
+        FileFormat(".pkl", "pickles", writes=False, holds_faces=False),
         FileFormat(".glb", "glb", has_buffers=True, media_type="model/gltf-binary"),
         FileFormat(".gltf", "glb", writes=False, has_buffers=True),
         FileFormat(".vrma", "vrma", has_buffers=True, media_type="model/gltf-binary"),
@@ -128,8 +130,8 @@ def load(
     take: str = "",
     read: ReadAs = AS_WRITTEN,
 ) -> Clip:
-    """Load a clip from a file with one of ``READ_SUFFIXES``. If the file holds no face, that in a NAME.csv beside it is
-    read (``live_link``).
+    """Load a clip from a file with one of ``READ_SUFFIXES``, or from a folder whose files are frames (``frames``). If
+    it holds no face, that in a NAME.csv beside it is read (``live_link``).
 
     face: a CSV file, or another clip's file, with the clip's face, instead of the file beside it.
     face_offset: time of the first row or frame of that file after the clip's first frame, seconds.
@@ -139,14 +141,21 @@ def load(
     Raises ``InputError`` for another suffix or a file that cannot be read, ``FormatError`` if its content is not valid,
     and ``LimitError`` if it exceeds ``limits``, which ``NO_LIMITS`` lifts.
     """
-    row = _format(path, "read", READ_SUFFIXES)
+    is_folder = Path(path).is_dir()
+    path = path if Path(path).name else Path(path).resolve()  # "." is a folder too
+    row = FORMATS[".npz"] if is_folder else _format(path, "read", READ_SUFFIXES)
     if take and not row.has_takes:
         raise InputError(f"{path}: take {take!r:.80}, expected none: {row.suffix} files have one motion")
     read = ReadAs(take=take, rest_frame=rest_frame).or_else(read)
     take = read.take if row.has_takes else ""
     # A wrong rate does not make a clip too long.
     within = limits if read.fps is None else replace(limits, seconds=math.inf)
-    clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), within, Path(path).parent, take)
+    if is_folder:
+        from signsplice.formats import frames
+
+        clip = frames.load(Path(path), within)
+    else:
+        clip = _parse_content(row, read_bytes(path, limits.file_bytes), str(path), within, Path(path).parent, take)
     if read.take and not row.has_takes:
         clip = replace(
             clip, notes=(*clip.notes, f"{row.suffix} files have one motion: take {read.take!r:.40} is not used")

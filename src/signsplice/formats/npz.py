@@ -8,14 +8,15 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from io import BytesIO
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signsplice.errors import InputError, LimitError
 from signsplice.formats import smplx
 from signsplice.formats.json_files import as_object
-from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most, stem
+from signsplice.formats.reading import DEFAULT_LIMITS, ReadLimits, check_most
 from signsplice.motion import Channels, Clip, EndSite, FloatArray, Skeleton
 from signsplice.motion.euler import POSITIONS, ROTATIONS
 from signsplice.motion.face import Face
@@ -87,6 +88,24 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
     """Parse an archive that ``encode`` made, or that holds SMPL-X poses, into a clip. Raises ``InputError``, or errors
     of numpy and zipfile, for any other.
     """
+    arrays, unpacked = _read_arrays(content, file, limits)
+    if _HEAD not in arrays:
+        return smplx.build_clip(arrays, file, limits, unpacked)
+    clip = _clip(json.loads(str(arrays.pop(_HEAD))), arrays)
+    limits.check_clip(len(clip), len(clip.skeleton), clip.fps, clip.nbytes, unpacked, file)
+    return clip
+
+
+def parse_arrays(content: bytes, file: str, limits: ReadLimits) -> dict[str, NDArray[Any]]:
+    """Parse the arrays of an archive of SMPL-X poses. Raises as ``parse`` does."""
+    arrays, _ = _read_arrays(content, file, limits)
+    if _HEAD in arrays:
+        raise InputError("it is a clip that signsplice wrote, expected one frame of SMPL-X")
+    return arrays
+
+
+def _read_arrays(content: bytes, file: str, limits: ReadLimits) -> tuple[dict[str, NDArray[Any]], int]:
+    """Return the arrays of an archive that a clip is made of, and the bytes that all of them unpack to."""
     check_most(content.count(_ENTRY), "members", limits.members, file)  # before zipfile makes an object of each
     with zipfile.ZipFile(BytesIO(content)) as archive:
         unpacked = sum(member.file_size for member in archive.infolist())
@@ -102,10 +121,7 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
         for name in names:
             _check_member(archive, name, is_ours)
     with np.load(BytesIO(content), allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in names}
-    clip = _clip(json.loads(str(arrays.pop(_HEAD))), arrays) if is_ours else smplx.from_arrays(arrays, stem(file))
-    limits.check_clip(len(clip), len(clip.skeleton), clip.fps, clip.nbytes, unpacked, file)
-    return clip
+        return {name: stored[name] for name in names}, unpacked
 
 
 def _check_member(archive: zipfile.ZipFile, name: str, is_ours: bool) -> None:
@@ -114,15 +130,26 @@ def _check_member(archive: zipfile.ZipFile, name: str, is_ours: bool) -> None:
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise InputError(f"{name} is compressed by method {member.compress_type}, expected deflate or none")
     with archive.open(member) as stored:
-        if np.lib.format.read_magic(stored) != (1, 0):
-            raise InputError(f"{name} is no array of version 1.0")
-        shape, _, dtype = np.lib.format.read_array_header_1_0(stored)
-        n_bytes = member.file_size - stored.tell()
-    expected = "U" if name == _HEAD else "i" if name == _INTEGERS else "f"
-    is_count = not is_ours and not shape and dtype.kind in "iu"  # a frame rate
+        if is_ours:
+            check_array(stored, member.file_size, name, "U" if name == _HEAD else "i" if name == _INTEGERS else "f")
+        else:
+            check_array(stored, member.file_size, name)
+
+
+def check_array(stored: IO[bytes], n_bytes: int, name: str, kind: str = "") -> None:
+    """Raise ``InputError`` if an array in a file of ``n_bytes`` has a wrong type or does not match its bytes.
+
+    kind: of one of our own arrays; empty for one of others, which holds floats, or a single whole number: a frame rate.
+    """
+    if np.lib.format.read_magic(stored) != (1, 0):
+        raise InputError(f"{name} is no array of version 1.0")
+    shape, _, dtype = np.lib.format.read_array_header_1_0(stored)
+    n_bytes -= stored.tell()
+    expected = kind or "f"
+    is_count = not kind and not shape and dtype.kind in "iu"
     if (dtype.kind != expected and not is_count) or (not is_count and expected == "f" and dtype.itemsize not in (4, 8)):
         raise InputError(f"{name} holds {dtype}, expected {_KINDS[expected]}")
-    if (is_ours and len(shape) != _ARRAYS.get(name, 0)) or math.prod(shape) * dtype.itemsize != n_bytes:
+    if (kind and len(shape) != _ARRAYS.get(name, 0)) or math.prod(shape) * dtype.itemsize != n_bytes:
         raise InputError(f"{name} has shape {shape} in {n_bytes} bytes")
 
 

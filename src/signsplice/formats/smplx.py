@@ -1,12 +1,14 @@
-"""SMPL-X and SMPL-H poses (``.npz``): rotation vectors of 55 or 52 joints, as in AMASS and signing data sets.
+"""SMPL-X and SMPL-H poses (``.npz``, ``.npy``, ``.pkl``): rotation vectors of 55 or 52 joints, as in AMASS and signing
+data sets.
 
 Bones have the lengths of this project's signer: the model's own shapes are licensed, and ``betas`` need them. The
 joints' axes are the world's in the T-pose, X to the signer's left, Y up, Z ahead; ``trans`` is the pelvis' position.
+Poses in a camera's axes (Y down) or in a room's with Z up are turned upright.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from io import BytesIO
 from typing import Any
 
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signsplice.errors import InputError
+from signsplice.formats.reading import ReadLimits, stem
 from signsplice.motion import Clip, FloatArray, Skeleton, rotation
 from signsplice.rig.align import copy_rotations, reference
 
@@ -38,13 +41,13 @@ _FINGERS = {
 }
 """Finger -> positions of its left joints in the T-pose, cm from the pelvis."""
 _PARTS = (
-    (3, ("root_orient", "global_orient", "smplx_root_pose")),
+    (3, ("root_orient", "global_orient", "smplx_root_pose", "root_pose")),
     (63, ("pose_body", "body_pose", "smplx_body_pose")),
     (3, ("pose_jaw", "jaw_pose", "smplx_jaw_pose")),
     (3, ("leye_pose", "smplx_leye_pose")),
     (3, ("reye_pose", "smplx_reye_pose")),
-    (45, ("left_hand_pose", "smplx_lhand_pose")),
-    (45, ("right_hand_pose", "smplx_rhand_pose")),
+    (45, ("left_hand_pose", "smplx_lhand_pose", "lhand_pose")),
+    (45, ("right_hand_pose", "smplx_rhand_pose", "rhand_pose")),
 )
 """Parts of a pose in the order of the joints: count of numbers, and array names. Some names hold two parts:
 ``_JOINED``.
@@ -55,19 +58,37 @@ _POSES = ("poses", "fullpose")
 """Names of an array of whole poses."""
 _TRANS = ("trans", "transl", "smplx_transl")
 """Names of the array of root positions."""
-_RATES = ("mocap_frame_rate", "mocap_framerate", "fps")
+RATES = ("mocap_frame_rate", "mocap_framerate", "fps")
 """Names of the frame rate."""
-_NOT_READ = ("betas", "expression", "smplx_shape", "smplx_expr", "dmpls")
+_SHAPES = ("betas", "smplx_shape")
+_NOT_READ = (*_SHAPES, "expression", "smplx_expr", "dmpls")
 """Arrays that a clip does not hold."""
-NAMES = (*_POSES, *(name for _, names in _PARTS for name in names), *_JOINED, *_TRANS, *_RATES, *_NOT_READ)
+PACKED = "smplx"
+"""Name of an array with all numbers of a frame in a row, one of ``_LAYOUTS``."""
+NAMES = (PACKED, *_POSES, *(name for _, names in _PARTS for name in names), *_JOINED, *_TRANS, *RATES, *_NOT_READ)
 """Names of all arrays that are read from an archive."""
 N_NUMBERS = {165: 55, 156: 52}
 """Numbers of a whole pose -> joints, with and without a face."""
+_BODY = (("root_orient", 3), ("pose_body", 63))
+_HANDS_JAW = (("smplx_lhand_pose", 45), ("smplx_rhand_pose", 45), ("pose_jaw", 3))
+_SHAPE = (("betas", 10), ("expression", 10))
+_LAYOUTS = {
+    322: (*_BODY, ("pose_hand", 90), ("pose_jaw", 3), ("expression", 50), ("", 100), ("trans", 3), ("betas", 10)),
+    182: (*_BODY, *_HANDS_JAW, *_SHAPE, ("", 3)),
+    179: (*_BODY, *_HANDS_JAW, *_SHAPE),
+    **{n_numbers: (("poses", n_numbers),) for n_numbers in N_NUMBERS},
+}
+"""Numbers in a row -> parts in order; unnamed ones are not read. 322: Motion-X (``Load_motion_data.md``); 182:
+SignAvatars (``vis.py``), whose last three are of a virtual camera; 179: the same without these, as SOKE joins the fits
+of Neural Sign Actors.
+"""
+_LEAST_UPRIGHT = 0.5
+"""Least mean component of the pelvis' up axis along another axis at which poses are turned: 60 degrees from it."""
 
 
 def is_smplx(names: Collection[str]) -> bool:
     """Whether an archive with arrays of these names holds SMPL-X poses."""
-    return any(name in names for name in (*_POSES, *_PARTS[1][1]))
+    return any(name in names for name in (PACKED, *_POSES, *_PARTS[1][1]))
 
 
 def skeleton(n_joints: int) -> Skeleton:
@@ -83,25 +104,91 @@ def skeleton(n_joints: int) -> Skeleton:
     return Skeleton(tuple(row[0] for row in rows), parents, offsets)
 
 
-def from_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
-    """Build the clip from an archive's arrays. Raises ``InputError`` if they are no poses."""
+def build_clip(arrays: Mapping[str, NDArray[Any]], file: str, limits: ReadLimits, n_bytes: int) -> Clip:
+    """Build the clip from arrays by name, which come from ``n_bytes`` of a file. Raises ``InputError`` if they are no
+    poses, ``LimitError`` if they are too many.
+    """
+    clip = _build_clip(arrays, stem(file))
+    limits.check_clip(len(clip), len(clip.skeleton), clip.fps, clip.nbytes, n_bytes, file)
+    return clip
+
+
+def _build_clip(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
+    arrays = unpack(arrays)
     poses = _whole_poses(arrays)
+    if not len(poses):
+        raise InputError("it holds no frames")
     bones = skeleton(N_NUMBERS[poses.shape[1]])
     roots = next((arrays[key] for key in _TRANS if key in arrays), np.zeros((len(poses), 3)))
-    rates = [key for key in _RATES if key in arrays]
+    rates = [key for key in RATES if key in arrays]
     notes = [] if rates else [f"it names no frame rate: {_USUAL_FPS:g} fps is taken"]
     if len(poses) == 1:
-        notes = ["it holds one frame; join the files of a recording into arrays of (frames, numbers), in one file"]
-    notes += [f"{key} is not read: bones have this project's lengths" for key in ("betas",) if _is_used(arrays, key)]
+        notes = ["it holds one frame; name the folder instead that holds the files of a recording, a frame each"]
+    quats = rotation.exp(_check_array("poses", poses, poses.shape).reshape(len(poses), -1, 3))
+    root_quats, root_positions, turned = _upright(quats[:, 0], _part("trans", roots, len(poses), 3))
+    quats[:, 0] = root_quats
+    if "smplx_lhand_pose" in arrays:  # of OSX and what follows it, whose model has flat_hand_mean=False
+        notes.append("hands are relative to the model's mean hand, which is licensed: fingers bend too little")
+    notes += [f"{key} is not read: bones have this project's lengths" for key in _SHAPES if _is_used(arrays, key)]
     return Clip(
         bones,
-        rotation.exp(_check_array("poses", poses, poses.shape).reshape(len(poses), -1, 3)),
-        _part("trans", roots, len(poses), 3),
+        quats,
+        root_positions,
         float(arrays[rates[0]]) if rates and arrays[rates[0]].ndim == 0 else _USUAL_FPS,
         name,
-        left_out=tuple(key for key in _NOT_READ if key != "betas" and _is_used(arrays, key)),
-        notes=tuple(notes),
+        left_out=tuple(key for key in _NOT_READ if key not in _SHAPES and _is_used(arrays, key)),
+        notes=(*notes, *turned),
     )
+
+
+def unpack(arrays: Mapping[str, NDArray[Any]]) -> Mapping[str, NDArray[Any]]:
+    """Return arrays by name, with ``PACKED`` split into its parts. Raises ``InputError`` for an unknown layout."""
+    if PACKED not in arrays:
+        return arrays
+    rows = np.atleast_2d(arrays[PACKED])
+    if rows.ndim != 2 or rows.shape[1] not in _LAYOUTS:
+        shapes = "(T, 322) of Motion-X, (T, 182) of SignAvatars, (T, 179), (T, 165) of SMPL-X or (T, 156) of SMPL-H"
+        raise InputError(f"it holds an array {arrays[PACKED].shape}, expected {shapes}; name the parts in an .npz")
+    layout = _LAYOUTS[rows.shape[1]]
+    parts = np.split(rows, np.cumsum([size for _, size in layout])[:-1], axis=1)
+    others = {name: values for name, values in arrays.items() if name != PACKED}
+    return others | {name: part for (name, _), part in zip(layout, parts, strict=True) if name}
+
+
+def join_frames(frames: Sequence[Mapping[str, NDArray[Any]]], labels: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Join the arrays of single frames into arrays (T, ...). ``labels`` name the frames in messages. Raises
+    ``InputError`` if one holds several frames, or other arrays than the first.
+    """
+    unpacked = [unpack(arrays) for arrays in frames]
+    sizes = [{name: values.size for name, values in arrays.items() if name not in RATES} for arrays in unpacked]
+    for arrays, n_numbers, label in zip(unpacked, sizes, labels, strict=True):
+        try:
+            n_frames = len(_whole_poses(arrays))
+        except InputError as error:
+            raise InputError(f"{label}: {error}") from error
+        if n_frames != 1:
+            raise InputError(f"{label}: {n_frames} frames, expected one; convert each recording alone")
+        if n_numbers != sizes[0]:
+            raise InputError(f"{label}: holds other arrays than {labels[0]}, expected frames of one layout")
+    rates = {name: values for name, values in frames[0].items() if name in RATES}
+    return rates | {name: np.stack([arrays[name].ravel() for arrays in unpacked]) for name in sizes[0]}
+
+
+def _upright(root_quats: FloatArray, roots: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """Return rotations (T, 4) and positions (T, 3) of the pelvis in axes with Y up, and a note if they were turned.
+
+    A camera's axes have Y down, and Z away from it. Its positions follow from a focal length that most data sets choose
+    for the crop of each frame, so they are not read.
+    """
+    up = rotation.rotate(root_quats, [0.0, 1.0, 0.0]).mean(axis=0)  # (3,)
+    if up[1] < -_LEAST_UPRIGHT:
+        turned = rotation.multiply([1.0, 0.0, 0.0, 0.0], root_quats)  # half a turn about X
+        return turned, np.zeros_like(roots), ("poses in a camera's axes are turned upright; the signer stays in place",)
+    if up[2] > max(_LEAST_UPRIGHT, abs(up[1])):
+        quarter = rotation.exp([-np.pi / 2, 0.0, 0.0])
+        note = "poses with Z up are turned upright"
+        return rotation.multiply(quarter, root_quats), rotation.rotate(quarter, roots), (note,)
+    return root_quats, roots, ()
 
 
 def encode(clip: Clip) -> bytes:
@@ -171,7 +258,7 @@ def _part(name: str, values: NDArray[Any], n_frames: int, size: int) -> FloatArr
 def _check_array(name: str, values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     if values.shape != shape:
         what = (
-            "; hands in PCA need the licensed model"
+            "; hands in PCA need the licensed model: save the 45 numbers that it makes of them"
             if shape[1] == 45 and values.shape[-1:] not in ((45,), (3,))
             else ""
         )

@@ -403,6 +403,7 @@ def trim_clip(clip: Clip, span: tuple[float | None, float | None]) -> Clip:
 def _key(task: FileTask) -> str:
     """Return the name under which a file's words are stored; it changes with the file and the options of reading."""
     paths = [task.face, *task.paths, *(path.with_suffix(".csv") for path in task.paths)]
+    paths += [frame for path in task.paths if path.is_dir() for frame in sorted(path.iterdir())]
     states = []
     for path in filter(None, paths):
         with suppress(OSError):

@@ -283,12 +283,14 @@ class ArchiveRecipe:
     pattern: matches the end of a file's path in the archive, without its suffix; has some of ``_GROUPS``.
     kinds: values of the group ``kind``, best first: forms of one recording.
     unread: suffix of the names of further files of a word that are not read, and the reason.
+    in_folders: whether a recording is a folder whose files are frames; then the pattern matches the folder's path.
     file: the file that it was read from; empty for a shipped one.
     """
 
     pattern: re.Pattern[str]
     kinds: tuple[str, ...] = ()
     unread: tuple[str, str] = ("", "")
+    in_folders: bool = False
     file: str = ""
 
 
@@ -298,6 +300,7 @@ def _recipe(pattern: str, *kinds: str, unread: tuple[str, str] = ("", "")) -> Ar
 
 RECIPES = {
     "flat": _recipe(r"(?P<gloss>[^/]+)"),
+    "frames": replace(_recipe(r"(?P<gloss>[^/]+)"), in_folders=True),
     "dated": _recipe(r"(?P<gloss>[^/]+?)(?:-(?P<variant>[A-Z]))?_(?P<date>\d{6})_(?P<take>\d+)"),
     "studiogalt": _recipe(
         r"SG \w+ (?P<gloss>[^/]+?)(?: (?:(?P<variant>\d+)|(?P<alt>\(Alt\))|(?P<spelled>Fingerspelling)))*"
@@ -306,7 +309,9 @@ RECIPES = {
         unread=("ShapeKeys.txt", "no source names their numbers; they stay beside the recordings"),
     ),
 }  # fmt: skip
-"""Shipped recipes: NAME; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2 2023-2-4 Upload``."""
+"""Shipped recipes: NAME; folders NAME with a file a frame; NAME-A_241127_1; and folders such as ``SG ASL Abhor 2
+2023-2-4 Upload``.
+"""
 
 
 def find_recipe(name: str) -> ArchiveRecipe:
@@ -370,7 +375,9 @@ def _recordings(
     """Return the words of an archive by gloss, and a line for each file and folder without a word."""
     ranked: defaultdict[tuple[str, str], list[tuple[Any, Path]]] = defaultdict(list)
     used, left_out = set(), []
-    names = [path.relative_to(folder).as_posix().removesuffix(path.suffix) for path in files]
+    if recipe.in_folders:
+        files, used = sorted({path.parent for path in files} - {folder}), {path.parent for path in files}
+    names = [path.relative_to(folder).as_posix().removesuffix(path.suffix * path.is_file()) for path in files]
     for path, groups in zip(files, _match(recipe, names), strict=True):
         used.add(path.parent)
         if groups is None:
