@@ -64,7 +64,7 @@ _SPLICED: dict[int | str, dict[str, Any]] = {
 }
 _UPLOAD_SECONDS = 1.0
 """Expected work of a request with files, s: it is unknown until they are read, and then what was done counts."""
-_RECEIVE_BYTES, _SEND_BYTES = 4 * 1024, 32 * 1024
+_RECEIVE_BYTES, _SEND_BYTES = 4 * 1024, 96 * 1024
 """Buffers of a connection, bytes; Linux doubles them. What is received at once is parsed in one step."""
 _ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gif: a film."
 
