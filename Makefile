@@ -64,7 +64,7 @@ unit: $(VENV)/.dev $(PAGE)     ## pytest, a process a core; each file's tests st
 bench: $(VENV)/.dev            ## speed of every part beside its baselines, in one run
 	$(BIN)/signsplice bench
 
-attacks: $(VENV)/.dev $(PAGE)  ## the tables of workshop/docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
+attacks: $(VENV)/.fuzz $(PAGE)  ## the tables of workshop/docs/reliability.md: floods, kills, bombs, broken files; half an hour, as root for all rows
 	for attack in sockets flips formats rigs bombs outputs streams slow_readers floods worker_kills kills; do $(BIN)/python workshop/attacks/$$attack.py || exit; done
 	$(BIN)/python workshop/attacks/fuzz.py --cases 20000 --seed 18
 
@@ -130,5 +130,5 @@ $(VENV)/.dev: pyproject.toml workshop/pyproject.toml research/pyproject.toml req
 
 $(VENV)/.fuzz: $(VENV)/.dev
 	@$(PIP) --only-binary :all: $$(sed -n 's/.*"\(atheris[^;"]*\).*/\1/p' pyproject.toml) \
-	|| echo "no atheris for this machine: cases are chosen by a seeded generator alone"
+	|| echo "no atheris for this machine: nothing can be fuzzed"
 	touch $@

@@ -107,7 +107,7 @@ def test_the_container_copies_what_is_there_and_runs_without_rights() -> None:
     assert not re.search(r"https?://(?!127\.0\.0\.1)", "\n".join(lines)), "nothing is fetched but the locked packages"
     assert lines.index("USER signsplice") < next(n for n, line in enumerate(lines) if line.startswith("ENTRYPOINT"))
     assert any(line.startswith("HEALTHCHECK") and "/healthz" in line for line in lines)
-    assert '"127.0.0.1:8000:8000"' in (ROOT / "compose.yaml").read_text()
+    assert '"127.0.0.1:8000:8080"' in (ROOT / "compose.yaml").read_text()
 
 
 def test_the_viewer_s_packages_have_hashes_and_run_nothing_when_installed() -> None:

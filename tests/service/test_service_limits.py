@@ -7,7 +7,6 @@ import json
 import logging
 import re
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -44,15 +43,10 @@ def impatient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client
 # --- clients ---
 
 
-def test_slow_requests_are_cut_off(impatient: httpx.Client) -> None:
+def test_slow_bodies_are_cut_off(impatient: httpx.Client) -> None:
     head = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    unfinished_head = (b"GET / HT",)
-    slow_head = tuple(bytes([letter]) for letter in head)
-    unfinished_body = (head + b"Content-Length: 100\r\n\r\n{",)
-    requests = (unfinished_head, slow_head, unfinished_body)
-    with ThreadPoolExecutor() as pool:
-        for answer in pool.map(lambda parts: raw_request(impatient, *parts, pause=0.1), requests):
-            assert b" 408 " in answer.split(b"\r\n")[0]
+    answer = raw_request(impatient, head + b"Content-Length: 100\r\n\r\n{", pause=0.1)
+    assert b" 408 " in answer.split(b"\r\n")[0]
 
 
 def test_silent_streams_are_closed(impatient: httpx.Client) -> None:

@@ -313,7 +313,7 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
     text = content.decode("utf-8-sig", errors="replace")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     head, motion = re.split(r"(?im)^[ \t]*MOTION[ \t]*$", text, maxsplit=1)
-    words = iter(head.split())
+    words = iter(re.sub(r"(?m)\{[ \t]*$", " {", head).split())  # a brace may touch a name
     joints: list[tuple[str, int | None, np.ndarray, list[str]]] = []
     stack: list[int | None] = []  # joints of the open braces, None for an End Site
     if next(words).upper() != "HIERARCHY":

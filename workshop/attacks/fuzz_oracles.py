@@ -16,7 +16,7 @@ import numpy as np
 
 import evaluators
 import fuzz_gltf_rules
-from fuzz_clips import unpack
+from fuzz_trees import unpack
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar
 from signsplice.errors import InputError
@@ -35,6 +35,9 @@ _JUDGED_FRAMES = 24
 _RATE, _NAMED_RATE = 0.0025, 0.0101
 """Greatest error of a frame rate that a rounded Frame Time may stand for, without and with a warning."""
 
+_LEAST_RATE, _LARGEST_RATE = 10.0, 1000.0
+"""Frame Times that are read as rates: no frame lasts so many seconds."""
+
 
 class WrongMotionError(AssertionError):
     """A file was read as something else than it holds."""
@@ -50,7 +53,10 @@ def judge_bvh(content: bytes, clip: Clip) -> bool:
         return False
     if len(names) != len(clip.skeleton) or len(world) != len(clip):
         raise WrongMotionError(f"{len(clip)} frames of {len(clip.skeleton)} joints are {len(world)} of {len(names)}")
-    if abs(clip.fps * frame_time - 1.0) > (_NAMED_RATE if left_out_warnings(clip) else _RATE):
+    error = abs(clip.fps * frame_time - 1.0)
+    if _LEAST_RATE <= frame_time <= _LARGEST_RATE:  # a rate in its place
+        error = min(error, abs(clip.fps / frame_time - 1.0))
+    if error > (_NAMED_RATE if left_out_warnings(clip) else _RATE):
         raise WrongMotionError(f"Frame Time {frame_time:g} is read as {clip.fps:g} fps")
     frames = _choose_frames(len(clip))
     return _compare(clip, frames, world[frames], "joint")
@@ -177,7 +183,7 @@ def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str) -> bo
     read_world = _compute_world(local, translations, clip.skeleton.parents)
     with np.errstate(all="ignore"):
         extent = np.ptp(world[..., :3, 3], axis=1).max(axis=-1)  # (F,)
-        max_error = np.maximum(TOLERANCE * extent, 1e-12 * np.abs(world[..., :3, 3]).max(axis=(1, 2)))
+        max_error = np.maximum(TOLERANCE * extent, 1e-9 * np.abs(world[..., :3, 3]).max(axis=(1, 2)))
         errors = np.linalg.norm(world[..., :3, 3] - read_world[..., :3, 3], axis=-1)  # (F, J)
         axes = world[..., :3, :3] / np.linalg.norm(world[..., :3, :3], axis=-2, keepdims=True)
         rest_rotations = np.swapaxes(axes[:1], -1, -2) @ read_world[:1, :, :3, :3]  # (1, J, 3, 3)

@@ -12,21 +12,29 @@ import tempfile
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import onnx.parser
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy.spatial import ConvexHull
 
-import fuzz_networks
+import avatars
 import signsplice as ss
-from fuzz_clips import join_chunks, pack
+from fuzz_trees import join_glb, pack
 from signsplice import formats, lexicon
+from signsplice.body.capsules import Avatar, BodyShape, MeshPart, build_capsules
 from signsplice.bulk import recipes
 from signsplice.bulk.job import BulkOptions, prepare
 from signsplice.bulk.shards import make_shard
 from signsplice.lexicon.lexicon import SHIPPED
-from signsplice.motion import Clip, EndSite, Skeleton, rotation
+from signsplice.motion import Clip, EndSite, Skeleton, kinematics, rotation
 from signsplice.motion.face import ARKIT_CHANNELS, Face
+from signsplice.rig.info import rig_info
 from signsplice.signer import notation
 from signsplice.splicing import report as reports
+from signsplice.splicing.features import N_CONTEXT, N_FRAME, N_SEEN, N_TERMS, N_TOKEN
 from signsplice_workshop.corpora.pairs import Recipe, write_pairs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -104,11 +112,10 @@ def make_gltf_seeds() -> list[bytes]:
     accessors.append({"bufferView": len(views) - 1, "componentType": 5126, "count": n_nodes, "type": "MAT4"})
     document["buffers"][0]["byteLength"] = len(blob) + len(matrices)
     document["skins"] = [{"joints": list(range(n_nodes)), "inverseBindMatrices": len(accessors) - 1, "skeleton": 0}]
-    skinned = [(b"JSON", json.dumps(document).encode()), (b"BIN\0", blob + matrices)]
     return [
         full_vrma,
-        join_chunks([(b"JSON", bare_document), (b"BIN\0", blob)]),
-        join_chunks(skinned),
+        join_glb({"0.json": bare_document, "1.bin": blob}),
+        join_glb({"0.json": json.dumps(document).encode(), "1.bin": blob + matrices}),
         json.dumps(embedded).encode(),
         formats.encode(with_face(make_clip()), "a.vrma"),
     ]
@@ -119,6 +126,45 @@ def make_fbx_seeds() -> list[bytes]:
     folder = ROOT / "tests" / "formats" / "fbx"
     binary_files = [gzip.decompress(path.read_bytes()) for path in sorted(folder.glob("*.fbx.gz"))]
     return [*binary_files, *(path.read_bytes() for path in sorted(folder.glob("*.fbx")))]
+
+
+def make_avatar_seeds() -> list[bytes]:
+    """Returns avatars as VRM 1.0, VRM 0.x and plain .glb: mostly a small one, and a body with fingers, which takes
+    longer to read.
+    """
+    rest = make_clip().skeleton
+    roles = {role: rest.names[joint] for role, joint in rig_info(rest).roles.joints.items()}
+    plain = Avatar(rest.names, rest.parents, 0.01 * rest.offsets, roles=roles, label="small")
+    small = replace(plain, body=build_capsules(plain, BodyShape()))
+    with tempfile.TemporaryDirectory() as folder:
+        return [
+            avatars.write(Path(folder) / "a", avatar, [_make_mesh(avatar)], version, **options).read_bytes()
+            for avatar, version, options in (
+                (small, "1.0", {"hair": False}),
+                (small, "0.x", {"hair": False, "weights": "u8"}),
+                (small, "", {"sparse": True, "axes": False}),
+                (avatars.body("broad"), "1.0", {"weights": "u16"}),
+            )
+        ]
+
+
+def _make_mesh(avatar: Avatar) -> MeshPart:
+    """Returns a coarse ball around every capsule, its halves at the capsule's ends, all as one part."""
+    body, rest = avatar.body, kinematics.rest_positions(avatar)
+    assert body is not None
+    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), -1).reshape(-1, 3)
+    ball = grid[np.abs(grid).any(axis=1)]  # (26, 3)
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    faces = ConvexHull(ball).simplices
+    is_inward = np.linalg.det(ball[faces]) < 0.0
+    faces[is_inward] = faces[is_inward][:, ::-1]
+    halves = ball @ (body.ends - body.starts)[..., None] > 0.0  # (capsules, 26, 1)
+    centres = np.where(halves, body.ends[:, None], body.starts[:, None]) + rest[body.joints][:, None]
+    vertices = (centres + np.where(halves, body.radii[:, None, 1:], body.radii[:, None, :1]) * ball).reshape(-1, 3)
+    triangles = np.concatenate([faces + n * len(ball) for n in range(len(body.joints))])
+    joints, weights = np.zeros((len(vertices), 4), np.int64), np.tile([1.0, 0.0, 0.0, 0.0], (len(vertices), 1))
+    joints[:, 0] = np.repeat(body.joints, len(ball))
+    return MeshPart("Body_SKIN", (1.0, 0.8, 0.7), vertices, vertices, triangles, joints, weights)
 
 
 @cache
@@ -137,13 +183,41 @@ def make_lexicon_seeds() -> list[bytes]:
     return seeds
 
 
+_OPSET = '<ir_version: 8, opset_import: ["" : 17]>'
+_NETWORKS = {
+    "word.onnx": f"""{_OPSET} graph (float[1,t,{N_FRAME + 2}] tokens)
+        => (float[1,t,4] states, float[1,4] leave, float[1,4] enter, float[1,t,5] phases)
+        <int64[2] w = {{{N_FRAME + 2}, 4}}, int64[2] v = {{{N_FRAME + 2}, 5}}> {{
+        w_all = ConstantOfShape <value: tensor = float[1] {{0.01}}> (w)
+        v_all = ConstantOfShape <value: tensor = float[1] {{0.02}}> (v)
+        states = MatMul (tokens, w_all)
+        phases = MatMul (tokens, v_all)
+        leave = ReduceMean <axes = [1], keepdims = 0> (states)
+        enter = ReduceMax <axes = [1], keepdims = 0> (states) }}""",
+    "cut.onnx": f"""{_OPSET} graph (float[1,t,4] before, float[1,4] leave, float[1,s,4] after, float[1,4] enter)
+        => (float[1,t] left, float[1,s] entered) {{
+        a = Mul (before, leave)
+        b = Mul (after, enter)
+        left = ReduceMean <axes = [2], keepdims = 0> (a)
+        entered = ReduceMean <axes = [2], keepdims = 0> (b) }}""",
+    "bridge.onnx": f"""{_OPSET} graph (float[b,{N_SEEN},{N_TOKEN}] tokens) => (float[b,{N_TERMS},8,3] turns)
+        <int64[1] first = {{{N_CONTEXT}}}, int64[1] last = {{{N_CONTEXT + N_TERMS}}}, int64[1] axis = {{1}},
+        int64[2] w = {{{N_TOKEN}, 24}}, int64[4] shape = {{0, 0, 8, 3}}> {{
+        a = Slice (tokens, first, last, axis)
+        w_all = ConstantOfShape <value: tensor = float[1] {{0.001}}> (w)
+        c = MatMul (a, w_all)
+        turns = Reshape (c, shape) }}""",
+}
+"""The smallest networks that a bundle can have."""
+
+
 @cache
 def make_bundle_seeds() -> list[bytes]:
     """Returns the bundle of the tests once, and often one of four small networks, which opens faster."""
     tiny = ROOT / "tests" / "golden" / "tiny_bundle"
     files = {path.name: path.read_bytes() for path in sorted(tiny.iterdir())}
     config = json.loads(files["bundle.json"])
-    small_files = {name: fuzz_networks.make_network(name) for name in ("word.onnx", "cut.onnx", "bridge.onnx")}
+    small_files = {name: onnx.parser.parse_model(text).SerializeToString() for name, text in _NETWORKS.items()}
     config["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in small_files.items()}
     small_files["bundle.json"] = json.dumps(config).encode()
     return [pack(files, compress=False), *[pack(small_files, compress=False)] * 15]
@@ -236,3 +310,59 @@ LINES = b"""hello, I deaf
 thank you fs-anna
 + HELLO|YES  no?
 """
+
+
+_ROWS = (
+    recipes.SentenceRecipe(("HELLO", "I"), sign_speed=1.25, transition_time="0.3", seed=7, cutter="pose-velocity"),
+    recipes.SentenceRecipe(
+        ("fs-AB", "SIGN"), fps=60.0, tempo="natural", cutter="ends", transition="hermite", spell=False
+    ),
+    recipes.SentenceRecipe(
+        ("YES", "NO", "YES"), "standard", cutter="ends", transition="linear", avoid_collisions=False
+    ),
+)
+_CSV = b"""glosses,signer,seed,transition_time,sign_speed,tempo,fps,cutter,transition,free_hand,avoid_collisions,spell
+HELLO I,,7,auto,1.25,citation,,pose-velocity,hermite,transition,,true
+"fs-AB,  SIGN",standard,0,0.3,1,0.8,25,ends,linear,natural,false,false
+YES,,,,,,,ends,,,,
+"""
+
+
+def make_recipes_seeds() -> list[bytes]:
+    """Returns a CSV table, and Parquet tables of our columns, of other types of them, and of glosses alone."""
+    batch = recipes.batch_of(_ROWS)
+    other_columns = {
+        "glosses": [" HELLO  I", "YES"],
+        "sign_speed": pa.array([1, 2], pa.int8()),
+        "cutter": ["ends", "ends"],
+        "tempo": pa.array([0.8, None], pa.float32()),
+        "signer": pa.array(["", ""]).dictionary_encode(),
+    }
+    return [
+        _CSV,
+        _encode_table(pa.Table.from_batches([batch])),
+        _encode_table(pa.table(other_columns), compression="zstd"),
+        _encode_table(pa.table({"glosses": [["HELLO", "NO"]], "cutter": ["ends"]}), row_group_size=1),
+    ]
+
+
+def _encode_table(table: pa.Table, **options: Any) -> bytes:
+    stream = io.BytesIO()
+    pq.write_table(table, stream, **options)
+    return stream.getvalue()
+
+
+_SYNTH_TESTS = ROOT / "tests" / "synth"
+
+
+def make_written_seeds() -> list[bytes]:
+    """Returns gestural SiGML, a table of HamNoSys, and SiGML of HamNoSys with a face."""
+    table = (_SYNTH_TESTS / "hamnosys_signs.csv").read_text(encoding="utf-8")
+    names = table.splitlines()[100].split(",")[2].split()
+    face = '<hnm_mouthpicture picture="ro:d"/><hnm_head tag="NO"/>'
+    hns = "".join(f"<ham{name}/>\n" for name in names)
+    sigml = (
+        f'<sigml><hns_sign gloss="A"><hamnosys_nonmanual>{face}</hamnosys_nonmanual>'
+        f"<hamnosys_manual>\n{hns}</hamnosys_manual></hns_sign></sigml>"
+    )
+    return [(_SYNTH_TESTS / "written_signs.sigml").read_bytes(), table.encode(), sigml.encode()]

@@ -1,4 +1,4 @@
-"""Lists the targets of fuzzing: for each kind of file valid ones to start from, a mutation, the reader, and the next
+"""Lists the targets of fuzzing: for each kind of file valid ones to start from, the reader, and the next
 step that a user of the read data takes.
 """
 
@@ -6,48 +6,52 @@ from __future__ import annotations
 
 import itertools
 import json
-import random
 import shutil
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import fuzz_avatars
-import fuzz_clips
-import fuzz_folders
-import fuzz_mutators
+import numpy as np
+
 import fuzz_oracles
-import fuzz_recipes
 import fuzz_seeds
-import fuzz_written
 import signsplice as ss
-from fuzz_clips import unpack
 from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, make_clip
+from fuzz_trees import unpack
 from signsplice import formats, lexicon
+from signsplice.body import collision
 from signsplice.body.capsules import Avatar
 from signsplice.body.retarget import retarget
 from signsplice.bulk import drawing, job, recipes, shards
 from signsplice.bulk.maker import FailedSentence, SentenceMaker
-from signsplice.errors import SignspliceError
+from signsplice.errors import InputError, SignspliceError
 from signsplice.formats import live_link
 from signsplice.formats import roles as roles_files
 from signsplice.formats.avatar import read_avatar
 from signsplice.lexicon import recordings, sentence
-from signsplice.motion import Clip, kinematics
+from signsplice.motion import Clip, kinematics, rotation
 from signsplice.motion.cache import CACHE
 from signsplice.rig.info import rig_info
 from signsplice.service import scene
 from signsplice.signer import notation, planner
+from signsplice.signer.pose import ELBOW_LIMIT, FOREARM_LIMIT, WRIST_LIMITS
+from signsplice.signer.signer import JOINTS
 from signsplice.splicing import report as reports
 from signsplice.splicing.options import open_learned
 from signsplice.written import files as written
+from signsplice.written import signing
+from signsplice.written.compiler import compile_sign
 from signsplice_workshop.corpora.pairs import KINDS, Pairs
 
 CORPUS = ROOT / "workshop" / "tests" / "fuzz_corpus"
+_MAX_SECONDS, _MAX_STEP_DEG, _SLACK, _DEEP_CM = 60.0, 90.0, np.deg2rad(1.0), 0.5
+"""Limits of every sign: its length, s; turn of a joint in a frame at 30 fps, degrees; beyond the limits of elbows and
+wrists, radians; depth of a hand in the body, cm, that no note tells of.
+"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,6 @@ class Target:
 
     name: of the kind.
     seeds: returns valid files.
-    mutate: returns another file from the bytes of one.
     put: writes the bytes into an empty folder and returns the path to read.
     load: reads that path; raises ``InputError``, which names the path.
     use: takes the next step with the read data; raises ``InputError``.
@@ -66,22 +69,11 @@ class Target:
 
     name: str
     seeds: Callable[[], list[bytes]]
-    mutate: fuzz_mutators.Mutator
     put: Callable[[bytes, Path], Path]
     load: Callable[[Path], Any]
     use: Callable[[Any], None]
     unpacked: Callable[[bytes], int] = len
     oracle: Callable[[bytes, Any], bool] | None = None
-
-    def mutate_seed(self, seeds: Sequence[bytes], rng: random.Random) -> bytes:
-        """Returns one of the seeds, mutated once or some times."""
-        content = rng.choice(seeds)
-        for _ in range(1 + min(int(rng.expovariate(0.9)), 6)):
-            try:
-                content = self.mutate(content, rng)
-            except Exception:  # the file is broken already and has no structure left
-                break
-        return content
 
     def exercise(self, content: bytes, folder: Path) -> tuple[Any, bool]:
         """Puts, loads and uses a file; returns the loaded data, None if it was refused, and whether they were used.
@@ -164,11 +156,6 @@ def _measure_unpacked_npz(content: bytes) -> int:
         return len(content)
 
 
-def _mutate_gltf(content: bytes, rng: random.Random) -> bytes:
-    mutate = fuzz_clips.mutate_glb if content[:4] == b"glTF" else fuzz_clips.mutate_gltf
-    return mutate(content, rng)
-
-
 def _use_lexicon(words: lexicon.Lexicon) -> None:
     """Does what `lexicon list`, `lexicon check` and `sentence` do."""
     with words:
@@ -200,7 +187,7 @@ def _use_bundle(methods: Any) -> None:
 def _use_signs(signs: Any) -> None:
     """Makes the motion of the first sign that is read: each takes some 20 ms."""
     for sign in itertools.islice(signs.values(), 1):
-        planner.synthesize_word(sign)
+        _check_signing(planner.synthesize_word(sign).clip)
 
 
 def _use_report(report: Any) -> None:
@@ -288,6 +275,44 @@ def _use_pairs(pairs: Pairs) -> None:
         pairs.space(word)
 
 
+def _use_written(written_signs: written.WrittenSigns) -> None:
+    """Does what a lexicon does with signs that were read: compiles some, and animates one."""
+    for error in itertools.islice(written_signs.refused, 20):
+        check_message(str(error), "case")
+    for gloss, sign in written_signs.signs.items():
+        assert gloss == sign.gloss
+        assert all(len(note.splitlines()) == 1 for note in sign.notes), sign.notes
+    compiled = None
+    for sign in itertools.islice(written_signs.signs.values(), 12):
+        try:
+            compile_sign(sign)
+            compiled = sign
+        except InputError as error:
+            check_message(str(error), sign.gloss)
+    if compiled is None:
+        return
+    clip = signing.animate_sign(compiled)
+    _check_signing(clip)
+    is_deep = collision.hand_depths(clip).max() > _DEEP_CM
+    assert not is_deep or any("deep in the body" in note for note in clip.notes), "a hand lies deep and no note says so"
+
+
+def _check_signing(clip: Clip) -> None:
+    """Raises ``AssertionError`` for a clip that no person could sign and that no note tells of."""
+    quats = clip.local_rotations
+    assert np.isfinite(quats).all()
+    assert np.isfinite(clip.root_positions).all()
+    assert 2 <= len(clip) <= _MAX_SECONDS * clip.fps, f"{len(clip)} frames"
+    if next(signing.jumps(clip), "") != "":
+        return
+    step_deg = np.rad2deg(rotation.angle_between(quats[1:], quats[:-1])).max()
+    assert step_deg < _MAX_STEP_DEG, f"a joint turns by {step_deg:.0f} degrees in a frame"
+    twist, bend = 0.5 * FOREARM_LIMIT, float(np.linalg.norm(np.abs(WRIST_LIMITS).max(axis=1)))
+    for name, limit in itertools.product(("Left", "Right"), (("ForeArm", ELBOW_LIMIT + twist), ("Hand", bend + twist))):
+        angle = rotation.angle_between(quats[:, JOINTS[name + limit[0]]], rotation.IDENTITY).max()
+        assert angle < limit[1] + _SLACK, f"{name}{limit[0]} turns by {np.rad2deg(angle):.0f} degrees"
+
+
 @cache
 def _collect_truth() -> dict[str, list[Clip]]:
     """Returns gloss or synonym -> its clips in the lexicons that fuzzing starts from, each stored in its form."""
@@ -302,43 +327,43 @@ def _collect_truth() -> dict[str, list[Clip]]:
 TARGETS = {
     target.name: target
     for target in (
-        Target("bvh", lambda: fuzz_seeds.make_clip_seeds(".bvh"), fuzz_mutators.mutate_text, _put_as("case.bvh"),
+        Target("bvh", lambda: fuzz_seeds.make_clip_seeds(".bvh"), _put_as("case.bvh"),
                formats.load, use_clip, oracle=fuzz_oracles.judge_bvh),
-        Target("npz", lambda: fuzz_seeds.make_clip_seeds(".npz"), fuzz_clips.mutate_npz, _put_as("case.npz"),
+        Target("npz", lambda: fuzz_seeds.make_clip_seeds(".npz"), _put_as("case.npz"),
                formats.load, use_clip, _measure_unpacked_npz, fuzz_oracles.judge_npz),
-        Target("smplx", fuzz_seeds.make_smplx_seeds, fuzz_clips.mutate_npz, _put_as("case.npz"), formats.load,
+        Target("smplx", fuzz_seeds.make_smplx_seeds, _put_as("case.npz"), formats.load,
                use_clip, _measure_unpacked_npz),
-        Target("gltf", fuzz_seeds.make_gltf_seeds, _mutate_gltf, _put_gltf, formats.load, use_clip,
+        Target("gltf", fuzz_seeds.make_gltf_seeds, _put_gltf, formats.load, use_clip,
                oracle=fuzz_oracles.judge_gltf),
-        Target("fbx", fuzz_seeds.make_fbx_seeds, fuzz_clips.mutate_fbx, _put_as("case.fbx"), formats.load, use_clip),
-        Target("fbxavatar", lambda: fuzz_seeds.make_fbx_seeds()[1:2], fuzz_clips.mutate_fbx, _put_as("case.fbx"),
+        Target("fbx", fuzz_seeds.make_fbx_seeds, _put_as("case.fbx"), formats.load, use_clip),
+        Target("fbxavatar", lambda: fuzz_seeds.make_fbx_seeds()[1:2], _put_as("case.fbx"),
                read_avatar, _use_avatar),
-        Target("avatar", lambda: fuzz_avatars.make_seeds(make_clip().skeleton), fuzz_clips.mutate_glb,
-               _put_as("case.vrm"), read_avatar, _use_avatar, oracle=fuzz_oracles.judge_avatar),
-        Target("lexicon", fuzz_seeds.make_lexicon_seeds, fuzz_folders.mutate_lexicon, _put_folder, lexicon.open,
+        Target("avatar", fuzz_seeds.make_avatar_seeds, _put_as("case.vrm"), read_avatar, _use_avatar,
+               oracle=fuzz_oracles.judge_avatar),
+        Target("lexicon", fuzz_seeds.make_lexicon_seeds, _put_folder, lexicon.open,
                _use_lexicon, _measure_unpacked_npz,
                lambda _, read: fuzz_oracles.judge_lexicon(_collect_truth(), read)),
-        Target("bundle", fuzz_seeds.make_bundle_seeds, fuzz_folders.mutate_bundle, _put_folder, open_learned,
+        Target("bundle", fuzz_seeds.make_bundle_seeds, _put_folder, open_learned,
                _use_bundle, _measure_unpacked_npz),
-        Target("recipes", fuzz_recipes.make_seeds, fuzz_recipes.mutate_recipes, _put_recipes, _load_recipes,
+        Target("recipes", fuzz_seeds.make_recipes_seeds, _put_recipes, _load_recipes,
                _use_recipes),
-        Target("lines", lambda: [fuzz_seeds.LINES], fuzz_mutators.mutate_text, _put_as("case.txt"),
+        Target("lines", lambda: [fuzz_seeds.LINES], _put_as("case.txt"),
                lambda path: drawing.lines(path, lexicon.open_shipped_lexicon()), _use_lines),
-        Target("shards", fuzz_seeds.make_shards_seeds, fuzz_folders.mutate_shards, _put_folder,
+        Target("shards", fuzz_seeds.make_shards_seeds, _put_folder,
                lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _measure_unpacked_npz),
-        Target("pairs", fuzz_seeds.make_pairs_seeds, fuzz_folders.mutate_pairs, _put_folder, Pairs, _use_pairs,
+        Target("pairs", fuzz_seeds.make_pairs_seeds, _put_folder, Pairs, _use_pairs,
                _measure_unpacked_npz),
-        Target("signs", lambda: [fuzz_seeds.SIGNS], fuzz_mutators.mutate_text, _put_as("case.signs"), notation.read,
+        Target("signs", lambda: [fuzz_seeds.SIGNS], _put_as("case.signs"), notation.read,
                _use_signs),
-        Target("written", fuzz_written.make_seeds, fuzz_written.mutate_signs, _put_written, written.read,
-               fuzz_written.use),
-        Target("roles", fuzz_seeds.make_roles_seeds, fuzz_mutators.mutate_json, _put_as("case.json"), roles_files.read,
+        Target("written", fuzz_seeds.make_written_seeds, _put_written, written.read,
+               _use_written),
+        Target("roles", fuzz_seeds.make_roles_seeds, _put_as("case.json"), roles_files.read,
                lambda read: use_clip(roles_files.with_roles(make_clip(4, "other"), read))),
-        Target("report", fuzz_seeds.make_report_seeds, fuzz_mutators.mutate_json, _put_as("case.json"),
+        Target("report", fuzz_seeds.make_report_seeds, _put_as("case.json"),
                lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(make_clip()))], fuzz_mutators.mutate_text,
+        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(make_clip()))],
                _put_as("case.csv"), lambda path: live_link.with_face(make_clip(), path), use_clip),
-        Target("glosses", lambda: [fuzz_seeds.GLOSSES], fuzz_mutators.mutate_text, _put_as("glosses.csv"),
+        Target("glosses", lambda: [fuzz_seeds.GLOSSES], _put_as("glosses.csv"),
                recordings.read_table, lambda _: None),
     )
 }  # fmt: skip

@@ -120,7 +120,8 @@ class SentenceMaker:
                 sentences[row] = FailedSentence(recipes[row], self._reason(result))
             else:
                 recipe, tokens = recipes[row], calls[row].tokens
-                signer = recipe.signer or self.words.entry(tokens[0].glosses[0]).signer
+                first = next(gloss for token in tokens for gloss in token.glosses)  # some tokens are left out
+                signer = recipe.signer or self.words.entry(first).signer
                 sentences[row] = MadeSentence(recipe, result, tokens, signer)
         return [sentence for sentence in sentences if sentence is not None]
 

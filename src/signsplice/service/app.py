@@ -35,7 +35,6 @@ from signsplice.service.avatars import UploadedAvatars
 from signsplice.service.fair_queue import FairQueue
 from signsplice.service.limits import Limits, Shares, caller, while_connected
 from signsplice.service.monitoring import CountRequests, Metrics, quieten
-from signsplice.service.protocols import protocols
 from signsplice.service.scene import safe_name
 from signsplice.service.settings import Settings
 from signsplice.service.streaming import TRY_AGAIN_LATER, StreamSession, failure, first_fault
@@ -70,6 +69,8 @@ _UPLOAD_SECONDS = 1.0
 _AvatarFile = Annotated[
     UploadFile, File(description=f"{join_suffixes(AVATAR_SUFFIXES)}, whole: no other file is read.")
 ]
+_RECEIVE_BYTES, _SEND_BYTES = 4 * 1024, 96 * 1024
+"""Buffers of a connection, bytes; Linux doubles them. What is received at once is parsed in one step."""
 _ONE_FILE = "Answer with this one file instead of JSON; png: a contact sheet, gif: a film."
 
 
@@ -386,11 +387,12 @@ def serve(
     Raises ``InputError`` if the service cannot listen on the address or the lexicon cannot be opened.
     """
     app = create(settings, scenes)
-    http, websocket = protocols(settings)
     config = uvicorn.Config(
         app,
-        http=http,
-        ws=websocket,
+        http="h11",  # which limits heads, trailers and the framing of chunks
+        h11_max_incomplete_event_size=settings.max_head_bytes,
+        limit_concurrency=settings.max_connections,
+        ws="websockets-sansio",
         ws_per_message_deflate=False,  # costs more than it saves on frames
         ws_max_size=settings.max_message_bytes,
         proxy_headers=bool(settings.proxies),
@@ -411,7 +413,7 @@ def serve(
 def _listen(settings: Settings) -> socket.socket:
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     try:
-        return socket.create_server((settings.host, settings.port), family=family, backlog=512)
+        listener = socket.create_server((settings.host, settings.port), family=family, backlog=512)
     except OSError as error:
         number = error.errno or 0
         if number < 0 or number == errno.EADDRNOTAVAIL:  # below zero: the name was not found
@@ -419,3 +421,9 @@ def _listen(settings: Settings) -> socket.socket:
             raise InputError(f"cannot listen: host {settings.host} is no address of this machine; {advice}") from error
         reason = os.strerror(number)  # the error's own repeats the address
         raise InputError(f"cannot listen on {settings.host}:{settings.port} ({reason}); try another port") from error
+    # Connections inherit these. Small buffers interleave floods with other connections, and show what is not read.
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BYTES)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux closes connections whose client reads nothing for so long
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, ceil(1000 * settings.idle_seconds))
+    return listener

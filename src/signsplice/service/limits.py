@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -24,18 +24,20 @@ from signsplice.service.workers import BusyError
 
 ResultT = TypeVar("ResultT")
 
+_PIECE_BYTES = 64 * 1024
+"""Largest part of an answer that is sent at once, bytes."""
 _CHECK_SECONDS = 0.25
 """How often clients who wait are looked after, seconds."""
 
 
 async def while_connected(connection: HTTPConnection, job: Coroutine[Any, Any, ResultT]) -> ResultT:
-    """Return the result of a job. Cancels it, and raises ``ClientDisconnect``, once its client has hung up, if
-    ``protocols`` serves the connection.
+    """Return the result of a job. Cancels it, and raises ``ClientDisconnect``, once the client of a request whose body
+    was read has hung up.
     """
-    task, has_hung_up = asyncio.create_task(job), connection.scope.get("state", {}).get("has_hung_up", bool)
+    task = asyncio.create_task(job)
     try:
         while not (await asyncio.wait({task}, timeout=_CHECK_SECONDS))[0]:
-            if has_hung_up():
+            if isinstance(connection, Request) and await connection.is_disconnected():
                 raise ClientDisconnect
         return task.result()
     finally:
@@ -114,6 +116,7 @@ class Limits:
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self.app, self.settings = app, settings
         self.uploads = Shares("uploads at one time", settings.max_uploads, settings.max_client_uploads)
+        self.n_unread = Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
         if scope["type"] not in ("http", "websocket"):
@@ -136,11 +139,17 @@ class Limits:
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         origin = _header(scope, b"origin")
         is_allowed = origin is not None and origin.lower() in self.settings.allowed_origins
-        limited_send = _SendWithHeaders(send, HEADERS | (_readable_by(scope) if is_allowed else {}))
         with ExitStack() as stack:
+            limited_send = _LimitedSend(
+                self, _client(scope), send, HEADERS | (_readable_by(scope) if is_allowed else {})
+            )
             body = _LimitedReceive(self, HTTPConnection(scope), receive, stack)
             try:
                 await self.app(scope, body, limited_send)
+            except Exception:
+                if limited_send.is_late:
+                    raise ClientDisconnect from None
+                raise
             except asyncio.CancelledError:  # the service stops, and the time for running requests is over
                 if limited_send.has_begun:
                     raise
@@ -161,6 +170,8 @@ class Limits:
             return 403, f"a page of {origin!r} may not call this service (`signsplice serve --allow-origin` allows one)"
         if headers.get(b"content-encoding", "identity") != "identity":
             return 415, "the body is compressed; send it uncompressed"
+        if self.n_unread[_client(scope)] >= self.settings.max_client_waiting:
+            return 503, "too many answers that this address has not read; read them, or try again in a moment"
         length = headers.get(b"content-length", "0")
         limit = self.max_bytes(scope)
         if length.isdecimal() and int(length) > limit:
@@ -181,6 +192,10 @@ class Limits:
             return urlsplit(origin).netloc.lower() == host.lower() or origin.lower() in self.settings.allowed_origins
         except ValueError:
             return False
+
+
+def _client(scope: Scope) -> str:
+    return caller(HTTPConnection(scope))
 
 
 def _too_long(limit: int) -> str:
@@ -253,14 +268,17 @@ class _LimitedReceive:
         return message
 
 
-class _SendWithHeaders:
-    """Sends the parts of an answer. ``protocols`` handles clients that do not read them.
+class _LimitedSend:
+    """Sends and times the parts of an answer, in pieces, so that a client that does not read is noticed.
 
     has_begun: whether a part was sent.
+    is_late: whether the client did not read a part in time.
     """
 
-    def __init__(self, send: Send, headers: Mapping[str, str]) -> None:
-        self._send, self._headers, self.has_begun = send, headers, False
+    def __init__(self, limits: Limits, client: str, send: Send, headers: Mapping[str, str]) -> None:
+        self._limits, self._client, self._send, self._headers = limits, client, send, headers
+        self._deadline = 0.0
+        self.has_begun = self.is_late = False
 
     async def __call__(self, message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -268,4 +286,25 @@ class _SendWithHeaders:
             headers = MutableHeaders(scope=message)
             for name, value in self._headers.items():
                 headers.setdefault(name, value)
-        await self._send(message)
+            self._deadline = time.monotonic() + self._limits.settings.body_seconds
+        body = message.get("body", b"")
+        if len(body) <= _PIECE_BYTES:
+            await self._send_in_time(message)
+            return
+        self._limits.n_unread[self._client] += 1
+        try:
+            for start in range(0, len(body), _PIECE_BYTES):
+                more = message.get("more_body", False) or start + _PIECE_BYTES < len(body)
+                await self._send_in_time({**message, "body": body[start : start + _PIECE_BYTES], "more_body": more})
+        finally:
+            self._limits.n_unread -= Counter([self._client])  # keeps no zeros
+
+    async def _send_in_time(self, message: Message) -> None:
+        """Send a piece. Raises ``ClientDisconnect`` if the client does not read those before it in time."""
+        seconds = min(self._limits.settings.idle_seconds, self._deadline - time.monotonic())
+        try:
+            async with asyncio.timeout(max(0.0, seconds)):
+                await self._send(message)
+        except TimeoutError:
+            self.is_late = True
+            raise ClientDisconnect from None

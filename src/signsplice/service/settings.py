@@ -46,11 +46,9 @@ class Settings:
     """Processes for quick jobs, those of streams among them, and as many again for long ones; 0 for one per core."""
 
     max_connections: int = 1000
-    """Open connections."""
-    max_client_connections: int = 500
-    """Open connections from one address; proxies have no such limit."""
+    """Open connections; with more, requests are refused."""
     max_head_bytes: int = 64 * 1024
-    """Size of a request's head; and of its trailer and the framing of its chunks, both together."""
+    """Size of a request's head, of its trailer, and of the framing of a chunk."""
     max_body_bytes: int = 64 * MIB
     """Size of a request's body; reading stops there."""
     max_json_bytes: int = 256 * 1024
@@ -84,14 +82,12 @@ class Settings:
     """Words of a stream that wait to be signed; until one is signed, no more messages are read."""
     max_message_bytes: int = 16 * 1024
     """Size of one message from a stream's client."""
-    max_idle_frames: int = 100
-    """WebSocket frames within 10 s that bring no message: pings, pongs, fragments."""
     head_seconds: float = 10.0
-    """Time for a request's head to arrive, or for a stream's first message."""
+    """Time for a stream's first message to arrive."""
     idle_seconds: float = 15.0
-    """Time between two parts of a body, or for a client to accept a part of the answer."""
+    """Time between two parts of a body, or for a client to read 64 KiB of an answer."""
     body_seconds: float = 120.0
-    """Time for a whole body and its trailer to arrive, or for a client to read a whole answer."""
+    """Time for a whole body to arrive, or for a client to read a whole answer."""
     drain_seconds: float = 8.0
     """Time for requests that run to be answered when the service stops."""
     work_seconds: float = 60.0

@@ -125,7 +125,8 @@ def find_owned_channels(clip: Clip) -> frozenset[str]:
     for channel in CHANNELS[2:]:
         joints = channel_joints(clip, channel)
         above = kinematics.path_to_root(clip.skeleton, joints[-1]) if joints else []
-        chain = above[: above.index(joints[0]) + 1] if joints else []  # all joints from the last one up to the first
+        highest = max((above.index(joint) for joint in joints if joint in above), default=-1)
+        chain = above[: highest + 1]  # all joints from the last one up to the first that lies above it
         if not chain:
             continue
         whole = reduce(rotation.multiply, [clip.local_rotations[:, joint] for joint in reversed(chain)])  # (T, 4)

@@ -106,7 +106,9 @@ class Pairs:
             raise FormatError(f"is no corpus of pairs ({str(error)[:300]}); {hint}", file=str(self.folder)) from error
         if self.head.get("version") not in READABLE:
             expected = f"{READABLE[0]} to {READABLE[-1]}"
-            raise InputError(f"{self.folder}: version {self.head.get('version')}, expected {expected}; make it again")
+            raise InputError(
+                f"{self.folder}: version {self.head.get('version')!r:.40}, expected {expected}; make it again"
+            )
 
     def __len__(self) -> int:
         return len(self.index)
