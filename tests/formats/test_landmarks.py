@@ -399,3 +399,18 @@ def test_stitch_takes_and_gives_poses(seen: dict[str, Clip]) -> None:
     crowd.body.data = np.concatenate([crowd.body.data] * 2, axis=1)
     with pytest.raises(InputError, match="pose 1: 86 frames of 2 people"):
         ss.stitch([poses[0], crowd])
+
+
+def test_a_doubled_letter_is_formed_again(words: dict[str, Clip]) -> None:
+    with ss.open_lexicon() as lexicon:
+        letters = [seen_again(lexicon.clip(gloss), gloss) for gloss in ("fs-N", "fs-L")]
+    fingers = [k for k, (group, name) in enumerate(HOLISTIC.names) if group.startswith("RIGHT") and "TIP" in name]
+    for letter in letters:
+        result = ss.splice([letter, letter])
+        points = result.clip.points
+        assert points is not None
+        start, stop = next(span.output for span in result.spans if span.kind == "transition")
+        held = points.values[[start - 1, stop]][:, fingers, :2]
+        apart = np.linalg.norm(points.values[start:stop, fingers, :2] - held.mean(axis=0), axis=-1)
+        assert apart.max() > 0.005 * points.framing.scale, "fingers leave the letter by over 5 mm"
+        assert all(span.remade is None for span in result.spans)

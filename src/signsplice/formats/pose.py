@@ -106,6 +106,8 @@ def read(
     cursor = _Cursor(content)
     (version,) = cursor.numbers("<f")
     if not any(abs(version - known) < 1e-3 for known in _VERSIONS):
+        if not 0.0 <= version < 10.0:
+            raise InputError("it does not begin as the pose format does")
         raise InputError(f"version {version:.4g}, expected 0.1 or 0.2: convert it by pose-format")
     size, (n_components,) = cursor.numbers("<3H"), cursor.numbers("<H")
     components = []

@@ -22,7 +22,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.points import Points, concatenate_points
 from signsplice.splicing.curves import CLASSICAL_TRANSITION, TRANSITIONS, CurveProblem, CurveTransition
 from signsplice.splicing.passes import Pass
-from signsplice.splicing.seam import Seam
+from signsplice.splicing.seam import REFORMED, Seam
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,17 @@ class CarryLandmarks(Pass):
         assert seam.before_clip.points is not None
         points: Points | None = seam.before_clip.points[cut.pre + 1 : cut.pre + 1 + n_held]
         if n_held < len(new):
-            carried = carry_points(seam.before_clip, cut.pre + n_held, new[n_held:], seam.after_clip, cut.post)
+            ends = seam.before_clip, cut.pre + n_held, new[n_held:], seam.after_clip, cut.post
+            carried = carry_points(*ends, follows_pose=seam.kind == REFORMED)
             points = concatenate_points([points, carried])
         return replace(seam, frames=copy_unchecked(new, points=points))
 
 
-def carry_points(before: Clip, last: int, new: Clip, after: Clip, first: int) -> Points:
-    """Returns the landmarks of ``new`` frames between frame ``last`` of one clip and frame ``first`` of another."""
+def carry_points(before: Clip, last: int, new: Clip, after: Clip, first: int, follows_pose: bool = False) -> Points:
+    """Returns the landmarks of ``new`` frames between frame ``last`` of one clip and frame ``first`` of another.
+
+    follows_pose: whether all points also move as their joints leave the straight way, as a letter is formed again.
+    """
     ends = [(before, max(last - 1, 0)), (before, last), (after, first), (after, min(first + 1, len(after) - 1))]
     points = [clip.points[frame : frame + 1] for clip, frame in ends if clip.points is not None]
     values = np.concatenate([part.values for part in points]).astype(np.float64)  # (4, P, D)
@@ -55,9 +59,10 @@ def carry_points(before: Clip, last: int, new: Clip, after: Clip, first: int) ->
     seen = confidence > 0.0
     values[~seen] = 0.0
     carried = _curve(values, seen, len(new), new.fps)
-    if len(single := np.flatnonzero((seen[1] != seen[2]) & points[0].layout.in_image)):
+    moved = (seen[1] | seen[2]) if follows_pose else (seen[1] != seen[2])
+    if len(rows := np.flatnonzero(moved & points[0].layout.in_image)):
         window = concatenate([before[last : last + 1], new, after[first : first + 1]])
-        _carry_by_joints(carried, seen[1, single], single, points[0], window)
+        _carry_by_joints(carried, seen[1:3, rows], rows, points[0], window)
     u = (np.arange(1, len(new) + 1) / (len(new) + 1))[:, None]
     faded = confidence[1] + u * (confidence[2] - confidence[1])
     return points[0].changed(carried.astype(np.float32), faded.astype(np.float32))
@@ -80,15 +85,20 @@ def _curve(values: FloatArray, seen: NDArray[np.bool_], n_frames: int, fps: floa
 
 
 def _carry_by_joints(
-    carried: FloatArray, is_leaving: NDArray[np.bool_], rows: NDArray[np.intp], points: Points, window: Clip
+    carried: FloatArray, seen: NDArray[np.bool_], rows: NDArray[np.intp], points: Points, window: Clip
 ) -> None:
-    """Moves points of ``carried`` (n, P, D) that one word alone shows, at ``rows`` (R,), with their joints.
+    """Moves points of ``carried`` (n, P, D), at ``rows`` (R,), as their joints leave the place where a word shows them,
+    or, where both words do, the straight way between.
 
-    is_leaving: (R,) whether the word before shows it.
+    seen: (2, R) whether the word before and the one after show them.
     window: the new frames and one on either side.
     """
-    joints = CACHE.recent(find_anchors, points.layout, window.skeleton, most=8).joints[rows]
-    at = kinematics.forward(window)[1][:, joints]  # (n + 2, R, 3)
-    shift = points.framing.scale * (at[1:-1] - np.where(is_leaving[:, None], at[0], at[-1]))
+    anchors = CACHE.recent(find_anchors, points.layout, window.skeleton, most=8)
+    rotations, positions = kinematics.forward(window)
+    joints = anchors.joints[rows]
+    at = positions[:, joints] + np.einsum("tpab,pb->tpa", rotations[:, joints], anchors.offsets[rows])  # (n + 2, R, 3)
+    u = np.linspace(0.0, 1.0, len(at))[1:-1, None] * np.ones(len(rows))
+    u = np.where(seen[0], np.where(seen[1], u, 0.0), 1.0)[..., None]
+    shift = points.framing.scale * (at[1:-1] - at[0] - u * (at[-1] - at[0]))
     carried[:, rows, 0] += shift[..., 0]
     carried[:, rows, 1] -= shift[..., 1]

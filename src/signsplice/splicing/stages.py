@@ -263,8 +263,9 @@ class Planner:
             n_frames, warnings = self._n_frames(before, after, cut)
         else:
             n_frames, warnings = max(1, round(letters.seconds * before.clip.fps) - 1), letters.warnings
-        kind = SLID if letters.slides else REFORMED if letters.is_doubled else LETTERS
-        slide_m = before.slide_m + MOVEMENTS.slide_m if letters.slides and n_frames else 0.0
+        slides = letters.slides and before.clip.points is None  # what was seen is not moved
+        kind = SLID if slides else REFORMED if letters.is_doubled or letters.slides else LETTERS
+        slide_m = before.slide_m + MOVEMENTS.slide_m if slides and n_frames else 0.0
         arrival_s = (n_frames + 1) / after.clip.fps
         words = self._carry(before, after, cut, n_frames)
         return plan_seam(kind, *words, cut, n_frames, warnings, arrival_s, slide_m)
