@@ -25,6 +25,7 @@ from signsplice.progress import Progress
 from signsplice.rig.roles import CHANNELS
 
 if TYPE_CHECKING:
+    from signsplice.lexicon.recordings import GlossRow
     from signsplice.signer.phonology import Sign
     from signsplice.written.tree import WrittenSign
 
@@ -38,7 +39,9 @@ _SHIPPED_LANGUAGE = "ase"
 _MIN_SIMILARITY = 0.55
 """Minimum similarity of the glosses that ``nearest`` suggests."""
 _N_KEPT = 64
-"""Animated signs kept in memory: animating one takes a quarter of a second."""
+"""Animated signs, and words fitted to landmarks, kept in memory: these take a quarter of a second and 15 ms."""
+_N_ENTRIES = 10_000
+"""Entries of words kept in memory."""
 
 
 class Source(Protocol):
@@ -442,6 +445,62 @@ class WrittenWords(SignedWords["WrittenSign"]):
         return signing.owned_channels(sign)
 
 
+class IndexedWords(Source):
+    """The words of a folder of spoken-to-signed, landmarks with a table ``index.csv``, each read from its file when it is
+    asked for; thread-safe.
+
+    path, where, form, n_bytes, language: as in ``Source``.
+
+    Raises ``InputError`` as ``recordings.read_index`` does.
+    """
+
+    form, n_bytes = "", 0
+
+    def __init__(self, path: Path, language: str = "") -> None:
+        from signsplice.lexicon.recordings import INDEX, read_index
+
+        self.path, self.where, self._asked = path, str(path), language
+        rows = read_index(path / INDEX, language)
+        self.language = rows[0].language
+        self._rows = {fold(name): row for row in rows for name in (row.gloss, *row.synonyms)}
+        self._clip, self._entry = lru_cache(_N_KEPT)(self._read_clip), lru_cache(_N_ENTRIES)(self._read_entry)
+
+    def __reduce__(self) -> tuple[type[IndexedWords], tuple[Path, str]]:
+        return type(self), (self.path, self._asked)
+
+    def find(self, name: str) -> SourceWord | None:
+        """Return the word with this gloss or synonym, or None."""
+        row = self._rows.get(fold(name))
+        if row is None:
+            return None
+        owns = owns_extension(None, row.language)
+        return SourceWord(row.gloss, lambda: self._entry(row), lambda: self._clip(row), lambda: owns, row.language)
+
+    def lists(self, name: str) -> bool:
+        """Return whether ``name`` is a gloss or synonym of a word."""
+        return fold(name) in self._rows
+
+    def names(self) -> list[tuple[str, str, bool]]:
+        """Return (folded, shown, is a gloss) for every gloss and synonym."""
+        rows = dict.fromkeys(self._rows.values())
+        return [(fold(name), name, name == row.gloss) for row in rows for name in (row.gloss, *row.synonyms)]
+
+    def entries(self) -> Iterator[Entry]:
+        """Return the entries of all words, sorted by gloss. Reads every file."""
+        return (self._entry(row) for row in sorted(dict.fromkeys(self._rows.values()), key=lambda row: row.gloss))
+
+    def _read_clip(self, row: GlossRow) -> Clip:
+        from signsplice.formats import load
+        from signsplice.lexicon.folder import trim_clip
+
+        return copy_unchecked(trim_clip(load(self.path / row.file), row.span), name=row.gloss)
+
+    def _read_entry(self, row: GlossRow) -> Entry:
+        from signsplice.lexicon.builder import prepare
+
+        return prepare(self._clip(row), "float32").entry(row.gloss, kind_of(row.gloss), row.synonyms, "", row.file)
+
+
 def open_lexicon(
     path: str | Path | None = None, *others: str | Path | None, fallback: str | Path | None = None, language: str = ""
 ) -> Lexicon:
@@ -484,8 +543,6 @@ def _open_words(folder: Path, language: str) -> Source:
         from signsplice.lexicon.recordings import has_index
 
         if has_index(folder):
-            from signsplice.lexicon.indexed import IndexedWords
-
             return IndexedWords(folder, language)
     return _open_stored_words(folder)
 
