@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent / "words"
 INDEX_TABLE = "index.csv"
-"""The table of a lexicon of spoken-to-signed (``indexed``)."""
+"""The table of a lexicon of spoken-to-signed (``IndexedWords``)."""
 DEFAULT = "default"
 """Name of the shipped lexicon."""
 _SHIPPED_LANGUAGE = "ase"
@@ -446,8 +446,8 @@ class WrittenWords(SignedWords["WrittenSign"]):
 
 
 class IndexedWords(Source):
-    """The words of a folder of spoken-to-signed, landmarks with a table ``index.csv``, each read from its file when it is
-    asked for; thread-safe.
+    """The words of a folder of spoken-to-signed, landmarks with a table ``index.csv``, each read from its file when it
+    is asked for; thread-safe.
 
     path, where, form, n_bytes, language: as in ``Source``.
 
