@@ -89,7 +89,7 @@ def test_segments_are_the_spans_of_words(tmp_path: Path) -> None:
 def test_an_alphabet_has_letters_and_one_language_is_chosen(tmp_path: Path) -> None:
     rows = ("sgg/a.pose,en,ase,0,0,A,A,0", "sgg/b.pose,en,ase,0,0,B,B,0", "sgg/c.pose,el,gss,0,0,Γ,Γ,0")
     folder = write_folder(tmp_path, rows)
-    with pytest.raises(InputError, match=r"index\.csv: holds signs of ase, gss: choose one by its code"):
+    with pytest.raises(InputError, match=r"index\.csv: holds signs of ase, gss: name one of them as the language"):
         open_lexicon(folder)
     with pytest.raises(InputError, match="holds no signs of dse, but of ase, gss"):
         open_lexicon(folder, language="dse")

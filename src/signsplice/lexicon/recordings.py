@@ -137,7 +137,7 @@ def read_index(path: str | Path, language: str = "") -> list[GlossRow]:
         raise FormatError(f"is no table of a lexicon ({str(error)[:80]})", file=file, line=reader.line_num) from error
     known = ", ".join(sorted(languages))
     if not language and len(languages) > 1:
-        raise InputError(f"{file}: holds signs of {known}: choose one by its code (--language)")
+        raise InputError(f"{file}: holds signs of {known}: name one of them as the language")
     if not ranked:
         raise InputError(f"{file}: holds no signs of {language or 'any language'}, but of {known or 'none'}")
     rows, seen = list[GlossRow](), set[str]()
