@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,7 +20,7 @@ import signsplice as ss
 from signsplice.body.landmarks import HOLISTIC, find_anchors, measure_fit, project
 from signsplice.errors import FormatError, InputError, LimitError
 from signsplice.formats import pose
-from signsplice.motion import Clip, kinematics, resample
+from signsplice.motion import Clip, kinematics, resample, rotation
 from signsplice.motion.points import Component, Framing, PointLayout, Points
 from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
@@ -234,7 +235,10 @@ def encoded(clip: Clip, *, people: int = 1, frames: int | None = None, version: 
         (lambda content: content + b"1234", "4 bytes follow its last frame"),
         (lambda content: content[:3], "it ends at byte 3"),
         (lambda content: np.float32(0.7).tobytes() + content[4:], "version 0.7, expected 0.1 or 0.2"),
-        (lambda content: content.replace(b"XYZC", b"XYZW"), "other numbers than coordinates and a confidence"),
+        (
+            lambda content: content.replace(b"XYZC", b"XYZW"),
+            "points have 'XYZW', expected coordinates and a confidence",
+        ),
         (lambda content: content.replace(b"_SHOULDER", b"_SHOULDXX"), "it shows no signer"),
     ],
 )
@@ -414,3 +418,48 @@ def test_a_doubled_letter_is_formed_again(words: dict[str, Clip]) -> None:
         apart = np.linalg.norm(points.values[start:stop, fingers, :2] - held.mean(axis=0), axis=-1)
         assert apart.max() > 0.005 * points.framing.scale, "fingers leave the letter by over 5 mm"
         assert all(span.remade is None for span in result.spans)
+
+
+def test_headers_are_limited_before_they_are_read() -> None:
+    head = struct.pack("<f3HH", 0.2, 100, 100, 0, 40)
+    group = struct.pack("<H1s", 1, b"A") + struct.pack("<H4s", 4, b"XYZC") + struct.pack("<3H", 0, 65_535, 65_535)
+    with pytest.raises(LimitError, match="points, limbs and colours"):
+        ss.formats.parse(head + 40 * (group + bytes(65_535 * 10)), "a.pose")
+    empty = struct.pack("<f3HH", 0.2, 1, 1, 0, 0) + struct.pack("<fIH", 25.0, 4_000_000_000, 2)
+    with pytest.raises(FormatError, match="it names no points"):
+        ss.formats.parse(empty, "a.pose")
+
+
+def test_stitch_has_the_rate_of_its_sentence(seen: dict[str, Clip]) -> None:
+    points = seen["HELLO"].points
+    assert points is not None
+    slow = pose.clip_of(HOLISTIC, points.values[::2], points.confidence[::2], 15.0, "HELLO")
+    joined = ss.stitch([as_pose(slow), as_pose(seen["NAME"])])
+    assert joined.body.fps == ss.splice([slow, seen["NAME"]], ss.SpliceOptions(tempo="natural")).clip.fps
+    with ss.open_lexicon() as words:
+        onto = ss.SpliceOptions(onto=words.clip("NAME"))
+    with pytest.raises(InputError, match="on another skeleton a sentence has no landmarks"):
+        ss.stitch([as_pose(slow)] * 2, options=onto)
+
+
+def test_hands_of_openpose_135_bend_as_those_of_holistic(seen: dict[str, Clip]) -> None:
+    source = seen["YES"]
+    assert source.points is not None
+    parts = ("1CMC", "2Knuckles", "3IP", "4FingerTip"), ("1Knuckles", "2PIP", "3DIP", "4FingerTip")
+    names, rows = [], []
+    for side, letter in (("LEFT", "L"), ("RIGHT", "R")):
+        for part in ("Shoulder", "Elbow", "Wrist", "Hip"):
+            names.append(letter + part)
+            rows.append(HOLISTIC.names.index(("POSE_LANDMARKS", f"{side}_{part.upper()}")))
+        first = HOLISTIC.names.index((f"{side}_HAND_LANDMARKS", "WRIST"))
+        for n in range(20):
+            finger = ("Thumb", "Index", "Middle", "Ring", "Pinky")[n // 4]
+            names.append(letter + finger + parts[min(n // 4, 1)][n % 4])
+            rows.append(first + 1 + n)
+    layout = layout_of(names, "BODY_135", "XYZC")
+    clip = pose.clip_of(layout, source.points.values[:, rows], source.points.confidence[:, rows], 30.0, "YES")
+    fingers = [k for k, name in enumerate(clip.skeleton.names) if name.startswith("right_index")]
+    turned = rotation.angle_between(clip.local_rotations[:, fingers], source.local_rotations[:, fingers])
+    assert np.median(turned) < 0.1
+    middle = find_anchors(layout_of(["MidHip", "RHip"], "pose_keypoints_2d"), clip.skeleton)
+    assert middle.rows["rightUpperLeg"] == (1,)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def test_an_alphabet_has_letters_and_one_language_is_chosen(tmp_path: Path) -> N
     folder = write_folder(tmp_path, rows)
     with pytest.raises(InputError, match=r"index\.csv: holds signs of ase, gss: name one of them as the language"):
         open_lexicon(folder)
-    with pytest.raises(InputError, match="holds no signs of dse, but of ase, gss"):
+    with pytest.raises(InputError, match="holds signs of ase, gss: name one"):
         open_lexicon(folder, language="dse")
     assert open_lexicon(folder, language="ase").glosses == ("fs-A", "fs-B")
     assert open_lexicon(folder, language="gss").glosses == ("fs-Γ",)
@@ -124,3 +125,53 @@ def test_a_table_of_another_program_is_not_taken_for_an_index(tmp_path: Path) ->
     write_folder(tmp_path, ["1,2"], head="name,size")
     with pytest.raises(InputError, match=r"it has no index\.sqlite"):
         open_lexicon(tmp_path)
+
+
+def test_a_word_outside_of_the_folder_is_not_read(folder: Path, tmp_path: Path) -> None:
+    outside = folder / "sgg" / "a.pose"
+    rows = [f"{outside},de,sgg,0,0,ab,AB,0", "../../x/a.pose,de,sgg,0,0,cd,CD,0", "sgg/link.pose,de,sgg,0,0,ef,EF,0"]
+    lexicon = open_lexicon(write_folder(tmp_path / "lexicon", rows))
+    (tmp_path / "lexicon" / "sgg" / "link.pose").symlink_to(outside)
+    for gloss in ("AB", "CD", "EF"):
+        with pytest.raises(InputError, match="lies outside the folder"):
+            lexicon.clip(gloss)
+
+
+def test_a_quoted_header_with_spaces_and_a_mark_is_read(tmp_path: Path) -> None:
+    write_folder(tmp_path, ["sgg/a.pose,de,sgg,0,0,hallo,HALLO,0"])
+    table = tmp_path / "index.csv"
+    head = ", ".join(f'"{name}"' for name in HEAD.split(","))
+    text = head.replace(", ", ",") + "\r\n" + '"sgg/a.pose",de,sgg,0,0,"hallo","HALLO",0\r\n'
+    table.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert open_lexicon(tmp_path).glosses == ("HALLO",)
+    table.write_text(HEAD.replace(",", " , ") + "\nsgg/a.pose,de,sgg,0,0,hallo,HALLO,0\n")
+    assert open_lexicon(tmp_path).glosses == ("HALLO",)
+    table.write_bytes(f"{HEAD}\nsgg/a.pose,de,sgg,0,0,gr\u00fcn,GR\u00dcN,0\n".encode("latin-1"))
+    with pytest.raises(FormatError, match=r"index\.csv:2: is not UTF-8"):
+        open_lexicon(tmp_path)
+
+
+def test_a_word_of_one_row_does_not_take_the_gloss_of_another(tmp_path: Path) -> None:
+    rows = ("sgg/a.pose,de,sgg,0,0,gebaeude,HAUS,0", "sgg/b.pose,de,sgg,0,0,building,GEBAEUDE,0")
+    folder = write_folder(tmp_path, rows)
+    points, expected = open_lexicon(folder).clip("gebaeude").points, ss.load(folder / "sgg" / "b.pose").points
+    assert points is not None
+    assert expected is not None
+    assert np.array_equal(points.values, expected.values)
+
+
+def test_lexicons_of_two_languages_open_together(folder: Path, tmp_path: Path) -> None:
+    alphabet = write_folder(tmp_path, ["sgg/a.pose,en,ase,0,0,A,A,0", "sgg/b.pose,en,ase,0,0,B,B,0"])
+    for language in ("", "ase", "sgg"):
+        lexicon = open_lexicon(folder, alphabet, language=language)
+        assert {lexicon.language_of(gloss) for gloss in ("fs-A", "NAME")} == {"ase", "sgg"}
+
+
+def test_landmarks_that_unpack_to_far_more_than_a_word_are_refused(folder: Path) -> None:
+    clip = ss.load(folder / "sgg" / "a.pose")
+    assert clip.points is not None
+    packed = pose.pack_points(clip.points)
+    assert np.array_equal(pose.unpack_points(packed, len(clip)).values, clip.points.values)
+    bomb = zlib.compress(zlib.decompress(packed) + bytes(200 << 20))
+    with pytest.raises(InputError, match="bytes follow its last frame"):
+        pose.unpack_points(bomb, len(clip))

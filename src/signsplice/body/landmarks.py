@@ -17,7 +17,7 @@ from signsplice.motion import Clip, FloatArray, Skeleton, kinematics, rotation
 from signsplice.motion.points import Component, Framing, PointLayout, Points
 from signsplice.rig.align import ORIGIN, place
 from signsplice.rig.info import rig_info
-from signsplice.rig.roles import FINGERS, finger_roles
+from signsplice.rig.roles import FINGERS, SIDES, finger_roles
 
 _BODY = {
     "shoulder": "UpperArm", "elbow": "LowerArm", "wrist": "Hand", "hip": "UpperLeg", "knee": "LowerLeg",
@@ -70,6 +70,9 @@ def find_anchors(layout: PointLayout, skeleton: Skeleton) -> Anchors:
                 if place:
                     rows.setdefault(place, []).append(row)
             row += 1
+    for side in SIDES:  # OpenPose 135 has one wrist, of body and hand
+        if f"{side}Wrist" not in rows and f"{side}IndexProximal" in rows and f"{side}Hand" in rows:
+            rows[f"{side}Wrist"] = rows[f"{side}Hand"]
     return Anchors(joints, offsets, {place: tuple(sorted(found)) for place, found in rows.items()})
 
 
@@ -90,12 +93,12 @@ def _anchor(component: str, n_points: int, number: int, point: str) -> tuple[str
     if finger := _FINGER_POINTS.match(word):
         names = [name.lower() for name in FINGERS]
         return _hand_point(side, names.index(finger[1].replace("pinky", "little")), int(finger[2]) - 1)
+    if name in ("midhip", "neck", "upperneck"):
+        return {"midhip": "hips"}.get(name, "neck"), "", zero
     if "face" not in group:
         for text, role in _BODY.items():
             if word.endswith(text):
                 return f"{side}{role}", f"{side}{role}" if text in _AT_JOINT else "", zero
-        if name in ("midhip", "neck", "upperneck"):
-            return {"midhip": "hips"}.get(name, "neck"), "", zero
     offset = np.asarray(FACE_MESH.get(name, (0.0, 0.06, 0.08)) if "face" in group else (0.0, 0.06, 0.08))
     number_known = "face" in group and name in FACE_MESH and n_points >= 100
     return "head", f"face{name}" if number_known else "", offset

@@ -160,8 +160,9 @@ def _count(n_words: int, n_letters: int) -> str:
 @lexicon.command()
 @click.argument("path", metavar="DIR")
 @option("--page", "PAGE.html", "Of a lexicon: write a page of its lengths, sizes and doubtful words.")
+@_LANGUAGE
 @reads_clips
-def check(path: str, page: str | None) -> None:
+def check(path: str, page: str | None, language: str) -> None:
     """Name every fault of a folder of clips, or of a lexicon.
 
     The exit status is 1 where there is one; what else `inspect` names is warned of.
@@ -182,7 +183,7 @@ def check(path: str, page: str | None) -> None:
         raise InputError(f"{path}: is no lexicon, expected one for --page; build it first")
     else:
         with progress(f"checking {Path(path).name}") as advance:
-            checked = folder.check(path, None, advance, limits(), read_as())
+            checked = folder.check(path, None, advance, limits(), read_as(), language)
         faults, warnings = checked.faults, checked.warnings
         contents = f"{checked.n_clips} clip{'s' if checked.n_clips != 1 else ''}"
         note(checked.unread)

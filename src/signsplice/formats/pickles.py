@@ -62,7 +62,8 @@ def parse_arrays(content: bytes, file: str, limits: ReadLimits) -> dict[str, NDA
         raise InputError("it holds no frames")
     n_bytes = len(value) * max(smplx.N_NUMBERS.values()) * JOINT_FRAME_BYTES
     limits.check_memory(f"{len(value):,} frames", n_bytes, len(content), file)  # one dict may stand for many frames
-    frames = [_named_arrays(frame) for frame in value]
+    named = {id(frame): _named_arrays(frame) for frame in {id(frame): frame for frame in value}.values()}
+    frames = [named[id(frame)] for frame in value]
     n_bytes = sum(array.nbytes for arrays in frames for array in arrays.values())
     limits.check_memory(f"{len(value):,} frames", n_bytes, len(content), file)
     return smplx.join_frames(frames, [f"frame {n}" for n in range(len(value))])

@@ -110,22 +110,27 @@ def read(
             raise InputError("it does not begin as the pose format does")
         raise InputError(f"version {version:.4g}, expected 0.1 or 0.2: convert it by pose-format")
     size, (n_components,) = cursor.numbers("<3H"), cursor.numbers("<H")
-    components = []
+    components, n_named = [], 0
     for _ in range(n_components):
         name, letters = cursor.text(), cursor.text()
+        if letters not in ("XYC", "XYZC"):
+            raise InputError(f"its points have {letters[:8]!r}, expected coordinates and a confidence (XYC, XYZC)")
         n_points, n_limbs, n_colors = cursor.numbers("<3H")
+        n_named += n_points + n_limbs + n_colors
+        check_most(n_named, "points, limbs and colours", 16 * limits.joints, file)
         points = tuple(cursor.text() for _ in range(n_points))
         limbs = tuple(cursor.numbers("<2H") for _ in range(n_limbs))
         colors = tuple(cursor.numbers("<3H") for _ in range(n_colors))
         components.append(Component(name, points, limbs, colors, letters))
     layout = PointLayout(tuple(components), size)
-    if not all(1 < len(group.format) <= 4 and group.format[-1] == "C" for group in components) or not components:
-        raise InputError("its points have other numbers than coordinates and a confidence (XYC, XYZC)")
+    if not layout.names:
+        raise InputError("it names no points")
     check_most(len(layout.names), "points", 4 * limits.joints, file)
     fps, n_frames, n_people = cursor.numbers("<fIH") if version > 0.15 else cursor.numbers("<3H")
     n_numbers = len(layout.names) * n_people * (layout.n_dims + 1)
     if version <= 0.15 and n_numbers:  # its 16 bits do not hold long recordings
         n_frames = (len(content) - cursor.at) // (4 * n_numbers)
+    check_most(n_frames, "frames", limits.frames, file)
     if not (math.isfinite(fps) and fps > 0.0):
         raise InputError(f"frame rate {fps:g}, expected a positive number")
     values = cursor.floats(n_frames, n_people, len(layout.names), layout.n_dims)
@@ -149,9 +154,13 @@ def pack_points(points: Points) -> bytes:
     return zlib.compress(head + _encode(points, 1.0), 6)
 
 
-def unpack_points(packed: bytes, most_bytes: int = 1 << 30) -> Points:
-    """Unpack landmarks. Raises ``InputError``, or an error of zlib or struct, for other bytes."""
-    content = zlib.decompressobj().decompress(packed, most_bytes)
+_HEADER_BYTES, _FRAME_BYTES = 1 << 20, 1 << 16
+"""Most bytes of a header, and of a frame: 4,096 points of four numbers."""
+
+
+def unpack_points(packed: bytes, n_frames: int) -> Points:
+    """Unpack landmarks of ``n_frames`` at most. Raises ``InputError``, or errors of zlib and struct, for other bytes."""
+    content = zlib.decompressobj().decompress(packed, _HEADER_BYTES + _FRAME_BYTES * n_frames)
     layout, values, confidence, _, _ = read(content[32:])
     return Points(layout, values[:, 0], confidence[:, 0], Framing(*struct.unpack_from("<4d", content)))
 

@@ -121,6 +121,7 @@ def _build_clip(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
     bones = skeleton(N_NUMBERS[poses.shape[1]])
     roots = next((arrays[key] for key in _TRANS if key in arrays), np.zeros((len(poses), 3)))
     rates = [key for key in RATES if key in arrays]
+    rates = [key for key in rates if arrays[key].size == 1]
     notes = [] if rates else [f"it names no frame rate: {_USUAL_FPS:g} fps is taken"]
     if len(poses) == 1:
         notes = ["it holds one frame; name the folder instead that holds the files of a recording, a frame each"]
@@ -134,7 +135,7 @@ def _build_clip(arrays: Mapping[str, NDArray[Any]], name: str) -> Clip:
         bones,
         quats,
         root_positions,
-        float(arrays[rates[0]]) if rates and arrays[rates[0]].ndim == 0 else _USUAL_FPS,
+        float(arrays[rates[0]].reshape(())) if rates else _USUAL_FPS,
         name,
         left_out=tuple(key for key in _NOT_READ if key not in _SHAPES and _is_used(arrays, key)),
         notes=(*notes, *turned),

@@ -203,11 +203,12 @@ def check(
     progress: Progress | None = None,
     limits: ReadLimits = DEFAULT_LIMITS,
     read: ReadAs = AS_WRITTEN,
+    language: str = "",
 ) -> Checked:
-    """Check the clips below a folder; ``roles``, ``limits``, ``read`` as in ``build``. Raises ``InputError`` if there
-    is no clip.
+    """Check the clips below a folder; ``roles``, ``limits``, ``read``, ``language`` as in ``build``. Raises
+    ``InputError`` if there is no clip.
     """
-    files, faults = find_word_files(folder)
+    files, faults = find_word_files(folder, language=language)
     warnings: list[str] = []
     rigs: dict[str, str] = {}  # name of a word -> description of its skeleton
     for _, word in _prepare_files(

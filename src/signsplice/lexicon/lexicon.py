@@ -493,6 +493,8 @@ class IndexedWords(Source):
         from signsplice.formats import load
         from signsplice.lexicon.folder import trim_clip
 
+        if not (self.path / row.file).resolve().is_relative_to(self.path.resolve()):
+            raise InputError(f"{self.path}: {row.file[:80]!r} lies outside the folder, expected a file in it")
         return copy_unchecked(trim_clip(load(self.path / row.file), row.span), name=row.gloss)
 
     def _read_entry(self, row: GlossRow) -> Entry:

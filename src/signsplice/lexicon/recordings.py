@@ -113,56 +113,68 @@ def has_index(folder: str | Path) -> bool:
     folder = Path(folder)
     if (folder / TABLE).exists() or not (folder / INDEX).is_file():
         return False
-    head = read_bytes(folder / INDEX)[:2000].decode("utf-8-sig", "replace").partition("\n")[0]
-    return {cell.strip() for cell in head.split(",")} >= _INDEX_COLUMNS
+    head = read_bytes(folder / INDEX)[:2000].decode("utf-8-sig", "replace")
+    return {cell.strip() for cell in next(csv.reader(io.StringIO(head)), [])} >= _INDEX_COLUMNS
 
 
 def read_index(path: str | Path, language: str = "") -> list[GlossRow]:
     """Read the rows of spoken-to-signed's table: glosses by their best priority, further rows of a gloss as variants
     (HAUS-2), words as synonyms; letters if every row names a single character. A row's segment, if any, is its span.
 
-    language: code of the signed language whose rows are read. Raises ``FormatError`` for other tables, and
-    ``InputError`` if it has rows of several languages and none is given, or none of the given one.
+    language: code of the signed language whose rows are read, if there are several. Raises ``FormatError`` for other
+    tables, and ``InputError`` if it has rows of several languages and the given one is none of them.
     """
     file = str(path)
-    reader = csv.DictReader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""))
-    languages, ranked = set[str](), list[tuple[int, int, dict[str, str]]]()
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
+    reader = csv.DictReader(io.StringIO(text, newline=""))
+    every = list[tuple[int, int, dict[str, str]]]()
     try:
         for cells in reader:
-            fields = {name: (cells.get(name) or "").strip() for name in reader.fieldnames or ()}
-            languages.add(fields["signed_language"])
-            if language in ("", fields["signed_language"]):
-                ranked.append((int(fields.get("priority") or 0), reader.line_num, fields))
+            fields = {name.strip(): (cells.get(name) or "").strip() for name in reader.fieldnames or ()}
+            every.append((int(fields.get("priority") or 0), reader.line_num, fields))
+        languages = sorted({fields["signed_language"] for _, _, fields in every})
     except (csv.Error, KeyError, ValueError) as error:
         raise FormatError(f"is no table of a lexicon ({str(error)[:80]})", file=file, line=reader.line_num) from error
-    known = ", ".join(sorted(languages))
-    if not language and len(languages) > 1:
-        raise InputError(f"{file}: holds signs of {known}: name one of them as the language")
-    if not ranked:
-        raise InputError(f"{file}: holds no signs of {language or 'any language'}, but of {known or 'none'}")
-    rows, seen = list[GlossRow](), set[str]()
+    if not every:
+        raise InputError(f"{file}: has no rows, expected a sign in each")
+    if len(languages) > 1 and language not in languages:
+        raise InputError(f"{file}: holds signs of {', '.join(languages)}: name one of them as the language")
+    wanted = languages[0] if len(languages) == 1 else language
+    ranked = [row for row in every if row[2]["signed_language"] == wanted]
+    rows, taken = list[GlossRow](), set[str]()
     mark = LETTER_MARK if all(len(fields["glosses"] or fields["words"]) == 1 for _, _, fields in ranked) else ""
     for _, line, fields in sorted(ranked, key=lambda row: row[:2]):
         try:
-            rows.append(_index_row(fields, line, seen, mark))
+            rows.append(_index_row(fields, line, taken, mark))
         except (InputError, ValueError) as error:
             raise FormatError(str(error)[:300], file=file, line=line) from error
-    return rows
+    return [_with_free_synonyms(row, taken) for row in rows]
 
 
-def _index_row(fields: dict[str, str], line: int, seen: set[str], mark: str) -> GlossRow:
-    """Return the row of a line; ``seen``: folded glosses and synonyms of earlier rows, which it extends; ``mark``:
-    before every gloss.
+def _with_free_synonyms(row: GlossRow, taken: set[str]) -> GlossRow:
+    """Return the row without synonyms that are glosses, or synonyms of earlier rows; extends the ``taken`` names."""
+    synonyms = tuple(name for name in row.synonyms if fold(name) not in taken)
+    taken |= {fold(name) for name in synonyms}
+    return replace(row, synonyms=synonyms)
+
+
+def _index_row(fields: dict[str, str], line: int, taken: set[str], mark: str) -> GlossRow:
+    """Return the row of a line, its words as synonyms; ``taken``: folded glosses of earlier rows, which it extends;
+    ``mark``: before every gloss.
     """
     names = [gloss_of(mark + text) for text in (fields["glosses"], fields["words"]) if text]
     if not names or not fields["path"]:
         raise InputError("no gloss or no path, expected both")
     gloss, number = names[0], 1
-    while fold(gloss) in seen:
+    while fold(gloss) in taken:
         number += 1
         gloss = f"{names[0]}-{number}"
-    synonyms = tuple(name for name in dict.fromkeys(names[1:]) if fold(name) not in {*seen, fold(gloss)})
-    seen |= {fold(name) for name in (gloss, *synonyms)}
+    taken.add(fold(gloss))
+    synonyms = tuple(name for name in names[1:] if fold(name) != fold(gloss))
     times = [int(fields.get(name) or 0) for name in ("segment_start", "segment_end", "start", "end")]
     start, end = times[:2] if times[1] > times[0] else times[2:]
     span = (start / 1000.0 if start else None, end / 1000.0 if end else None)

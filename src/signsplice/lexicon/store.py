@@ -400,7 +400,7 @@ class StoredWords:
             clip = decode(block, self.form, location.has_translations, skeleton, entry)
             extensions = self._index.extensions(entry.gloss)
             if POINTS in extensions:
-                clip = replace(clip, points=unpack_points(extensions[POINTS]))
+                clip = replace(clip, points=unpack_points(extensions[POINTS], entry.n_frames))
         except Exception as error:  # any error that damaged bytes cause
             reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
             raise InputError(f"{self.path}: word {entry.gloss[:40]!r} is damaged ({reason}); {REBUILD}") from error

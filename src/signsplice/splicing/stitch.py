@@ -33,11 +33,13 @@ def stitch(
         raise InputError("no poses, expected at least one")
     spans = signing_spans or [None] * len(poses)
     clips = [_clip(pose, span, number) for number, (pose, span) in enumerate(zip(poses, spans, strict=True))]
-    points = splice(clips, options or SpliceOptions(tempo=NATURAL)).clip.points
-    assert points is not None, "every clip has some"
+    joined = splice(clips, options or SpliceOptions(tempo=NATURAL)).clip
+    points = joined.points
+    if points is None:
+        raise InputError("options: on another skeleton a sentence has no landmarks, expected none in onto")
     first, unseen = poses[0], np.repeat(points.confidence[..., None] <= 0.0, points.values.shape[2], axis=2)
     data = np.ma.masked_array(points.values[:, None], unseen[:, None])
-    body = type(first.body)(options.fps if options and options.fps else clips[0].fps, data, points.confidence[:, None])
+    body = type(first.body)(joined.fps, data, points.confidence[:, None])
     return type(first)(first.header, body)
 
 
