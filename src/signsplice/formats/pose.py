@@ -159,7 +159,7 @@ _HEADER_BYTES, _FRAME_BYTES = 1 << 20, 1 << 16
 
 
 def unpack_points(packed: bytes, n_frames: int) -> Points:
-    """Unpack landmarks of ``n_frames`` at most. Raises ``InputError``, or errors of zlib and struct, for other bytes."""
+    """Unpack landmarks of ``n_frames`` at most. Raises ``InputError``, or an error of zlib or struct, for others."""
     content = zlib.decompressobj().decompress(packed, _HEADER_BYTES + _FRAME_BYTES * n_frames)
     layout, values, confidence, _, _ = read(content[32:])
     return Points(layout, values[:, 0], confidence[:, 0], Framing(*struct.unpack_from("<4d", content)))
