@@ -99,6 +99,14 @@ def test_unknown_glosses_raise_an_error_with_similar_ones(path: Path) -> None:
             lex.entry("QQQQQQ")
 
 
+def test_an_error_quotes_no_control_characters_and_no_long_gloss_whole() -> None:
+    error = UnknownGlossError({"\x1dA": ("\x1dA\n", "B-" * 500), "C" * 2000: ()}, "lex")
+    assert r"no gloss '\x1dA' (nearest: \x1dA\n, B-B-" in str(error)
+    assert str(error).isprintable()
+    assert len(str(error)) < 400
+    assert error.unknown["\x1dA"] == ("\x1dA\n", "B-" * 500)
+
+
 @pytest.mark.parametrize(
     ("typed", "similarity", "nearest"),
     [
