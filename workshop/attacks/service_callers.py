@@ -8,12 +8,13 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import cycle, islice
 from pathlib import Path
 from statistics import median
-from typing import IO
+from typing import IO, Any
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
@@ -31,17 +32,10 @@ def start_service(
     *arguments: str, log: IO[str] | int = subprocess.DEVNULL
 ) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Starts a service; yields its address, and its process, whose standard error goes to ``log``."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=log,
-        text=True,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "PYTHONPATH": os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")]),
-        },
-    )
+    call = [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments]
+    path = os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=log, text=True, env=environment)
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
@@ -90,19 +84,45 @@ def _compare(calls: list[tuple[float, float]], start: float, end: float) -> str:
     return f"{median(quiet):.0f} ms quiet, {median(attacked):.0f} (at most {max(attacked):.0f}) of {len(attacked)}"
 
 
+STREAM_OPTIONS: dict[str, Any] = {"compression": None, "max_size": None, "ping_interval": None}
+
+
 def get_stream_address(address: str) -> str:
     """Returns the address of streams."""
     return address.replace("http", "ws", 1) + "/v1/stream"
 
 
-async def watch_health(
-    address: str, record: CallerRecord, deadline: float, period: float = 0.1, time_limit: float = 60.0
-) -> None:
-    """Asks /healthz, on a new connection each time, until a time of ``time.monotonic``."""
+def encode_word(gloss: str) -> str:
+    """Returns the message that asks for a word."""
+    return json.dumps({"type": "word", "gloss": gloss})
+
+
+async def open_stream(address: str, paced: bool, glosses: Iterable[str]) -> ClientConnection:
+    """Opens a stream and sends words."""
+    socket = await connect(get_stream_address(address), **STREAM_OPTIONS)
+    await socket.send(json.dumps({"type": "open", "paced": paced}))
+    for gloss in glosses:
+        await socket.send(encode_word(gloss))
+    return socket
+
+
+async def wait_for_frames(socket: ClientConnection) -> None:
+    """Waits for the first frames of a stream."""
+    while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
+        pass
+
+
+def wait_until_warm(address: str) -> None:
+    """Returns once the workers of a service have started."""
+    with httpx.Client(base_url=address, timeout=60.0, trust_env=False) as client:
+        while client.get("/healthz").status_code == 503:
+            time.sleep(0.1)
+
+
+async def watch_health(address: str, record: CallerRecord, deadline: float) -> None:
+    """Asks /healthz ten times a second, on a new connection each time, until a time of ``time.monotonic``."""
     limits = httpx.Limits(max_keepalive_connections=0)
-    async with httpx.AsyncClient(base_url=address, timeout=time_limit, limits=limits) as client:
-        while (await client.get("/healthz")).status_code == 503:  # its workers start
-            await asyncio.sleep(period)
+    async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=limits) as client:
         while time.monotonic() < deadline:
             start = time.monotonic()
             try:
@@ -112,24 +132,15 @@ async def watch_health(
             except httpx.HTTPError as error:
                 record.faults.append(f"/healthz {type(error).__name__}")
             record.health.append(time.monotonic() - start)
-            await asyncio.sleep(period)
+            await asyncio.sleep(0.1)
 
 
 async def play_paced_stream(address: str, record: CallerRecord, deadline: float, offset: int = 0) -> None:
     """Reads a paced stream, sending words ahead, until a time of ``time.monotonic``."""
-    n_sent = offset
-
-    async def send_word(socket: ClientConnection) -> None:
-        nonlocal n_sent
-        await socket.send(json.dumps({"type": "word", "gloss": WORDS[n_sent % len(WORDS)]}))
-        n_sent += 1
-
+    glosses = islice(cycle(WORDS), offset, None)
     starts: list[float] = []  # start of the stream by each frame
     try:
-        async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
-            await socket.send('{"type": "open", "paced": true}')
-            for _ in range(_N_PREFETCHED):
-                await send_word(socket)
+        async with await open_stream(address, True, islice(glosses, _N_PREFETCHED)) as socket:
             while time.monotonic() < deadline:
                 message = await asyncio.wait_for(socket.recv(), 60.0)
                 now = time.monotonic()
@@ -141,17 +152,15 @@ async def play_paced_stream(address: str, record: CallerRecord, deadline: float,
                     record.faults.append(reply["error"])
                 if reply.get("span", {}).get("kind") == "sign":
                     with suppress(ConnectionClosed):
-                        await send_word(socket)
+                        await socket.send(encode_word(next(glosses)))
     except (ConnectionClosed, OSError, TimeoutError) as error:
         record.faults.append(f"a stream ended: {type(error).__name__}")
     record.late += [start - min(starts) for start in starts]
 
 
-async def call_again(address: str, record: CallerRecord, deadline: float, pause: float = 0.1) -> None:
+async def call_again(address: str, record: CallerRecord, deadline: float) -> None:
     """Asks for HELLO, then for a stream of two words, by turns until a time of ``time.monotonic``."""
     async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=httpx.Limits(keepalive_expiry=1.0)) as client:
-        while (await client.get("/healthz")).status_code == 503:
-            await asyncio.sleep(0.1)
         while time.monotonic() < deadline:
             try:
                 start = time.monotonic()
@@ -160,17 +169,9 @@ async def call_again(address: str, record: CallerRecord, deadline: float, pause:
                 if answer.status_code != 200:
                     record.faults.append(f"HELLO {answer.status_code}")
                 start = time.monotonic()
-                await _await_first_frame(address)
+                async with await open_stream(address, True, WORDS[:2]) as socket:
+                    await wait_for_frames(socket)
                 record.first_frames.append((start, time.monotonic() - start))
             except (httpx.HTTPError, ConnectionClosed, OSError, TimeoutError) as error:
                 record.faults.append(f"HELLO {type(error).__name__}")
-            await asyncio.sleep(pause)
-
-
-async def _await_first_frame(address: str) -> None:
-    async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
-        await socket.send('{"type": "open", "paced": true}')
-        for gloss in WORDS[:2]:
-            await socket.send(json.dumps({"type": "word", "gloss": gloss}))
-        while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
-            pass
+            await asyncio.sleep(0.1)

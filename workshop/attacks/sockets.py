@@ -29,7 +29,7 @@ from pathlib import Path
 import httpx
 from websockets.sync.client import connect
 
-from service_callers import WORDS, start_service
+from service_callers import WORDS, encode_word, get_stream_address, start_service, wait_until_warm
 from signsplice.lexicon import open_shipped_lexicon
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -140,9 +140,8 @@ COMMANDS: dict[str, list[list[str]]] = {
 def _call_service() -> None:
     """Starts a service, calls every route that works, and lets it wait a while."""
     with start_service() as (address, _):
+        wait_until_warm(address)
         with httpx.Client(base_url=address, timeout=300.0, trust_env=False) as client:
-            while client.get("/healthz").status_code == 503:
-                time.sleep(0.1)
             client.post("/v1/sentence?file=bvh", json={"glosses": list(WORDS[:3])}).raise_for_status()
             files = [("files", (name, Path(name).read_bytes())) for name in ("a.bvh", "b.bvh")]
             client.post("/v1/splice?file=glb", files=files).raise_for_status()
@@ -151,9 +150,9 @@ def _call_service() -> None:
             client.post(
                 "/v1/fit", files={"avatar": ("a.glb", Path("a.glb").read_bytes())}, data=form
             ).raise_for_status()
-        with connect(address.replace("http", "ws", 1) + "/v1/stream", proxy=None, open_timeout=300.0) as stream:
-            for message in ({"type": "open", "paced": False}, {"type": "word", "gloss": WORDS[0]}, {"type": "end"}):
-                stream.send(json.dumps(message))
+        with connect(get_stream_address(address), proxy=None, open_timeout=300.0) as stream:
+            for message in ('{"type": "open", "paced": false}', encode_word(WORDS[0]), '{"type": "end"}'):
+                stream.send(message)
             while '"done"' not in str(stream.recv(timeout=300.0)):
                 pass
         time.sleep(_LINGER_S)
