@@ -68,7 +68,7 @@ def judge_gltf(content: bytes, clip: Clip) -> bool:
         with np.errstate(all="ignore"):
             nodes = _find_nodes(content, clip.skeleton.names)
             fuzz_gltf_rules.check(content, nodes, bool(left_out_warnings(clip)))
-            channels = evaluators._GltfFile(content).channels(0).items()
+            channels = evaluators.GltfFile(content).channels(0).items()
             keys = np.unique(np.concatenate([key_times for (node, path), (key_times, *_) in channels
                                              if node in nodes and path != "scale"]))  # fmt: skip
             times, frames = evaluators.compute_frame_times(keys, len(clip), clip.fps), _choose_frames(len(clip))
@@ -200,7 +200,7 @@ def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str) -> bo
 
 def _parse_document(content: bytes) -> dict[str, Any]:
     """Returns the document of a glTF file."""
-    return evaluators._GltfFile(content).json
+    return evaluators.GltfFile(content).json
 
 
 def _find_nodes(content: bytes, names: Sequence[str]) -> list[int]:
