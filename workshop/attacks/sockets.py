@@ -24,6 +24,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -114,25 +115,21 @@ def make_python_call(code: str) -> list[str]:
     return [sys.executable, "-c", code]
 
 
+_RECIPES = "bulk recipes -o recipes.csv --count 4 --words 2:3"
 COMMANDS: dict[str, list[list[str]]] = {
     "control": [make_python_call(f"import onnxruntime, time; time.sleep({_LINGER_S})")],
     "import": [make_python_call("import signsplice as ss; ss.splice([ss.load('a.bvh'), ss.load('b.bvh')])")],
     "splice": _make_calls("splice a.bvh b.bvh -o splice.glb --report splice.json"),
     "sentence": [[*_PROGRAM, "sentence", "HELLO I SIGN", "-o", "sentence.bvh"]],
     "serve": [[sys.executable, str(Path(__file__)), "--requests"]],
-    "bulk": _make_calls(
-        "bulk recipes -o recipes.csv --count 4 --words 2:3", "bulk sentences recipes.csv -o rows --workers 2"
-    ),
+    "bulk": _make_calls(_RECIPES, "bulk sentences recipes.csv -o rows --workers 2"),
     "train": _make_calls(
         "synth endless -o signing --signers 2 --words 4 --seams 4 --processes 2",
         "train cutter --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "train transition --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "export bundle -o small",
     ),
-    "bulk on Ray": _make_calls(
-        "bulk recipes -o recipes.csv --count 4 --words 2:3",
-        "bulk sentences recipes.csv -o rows --ray local --workers 1",
-    ),
+    "bulk on Ray": _make_calls(_RECIPES, "bulk sentences recipes.csv -o rows --ray local --workers 1"),
 }
 """Name of a row -> its calls."""
 
@@ -147,9 +144,8 @@ def _call_service() -> None:
             client.post("/v1/splice?file=glb", files=files).raise_for_status()
             client.post("/v1/sentence", json={"text": "how are you", "mesh": False}).raise_for_status()
             form = {"options": json.dumps({"text": "hello", "formats": ["vrma"]})}
-            client.post(
-                "/v1/fit", files={"avatar": ("a.glb", Path("a.glb").read_bytes())}, data=form
-            ).raise_for_status()
+            avatar = {"avatar": ("a.glb", Path("a.glb").read_bytes())}
+            client.post("/v1/fit", files=avatar, data=form).raise_for_status()
         with connect(get_stream_address(address), proxy=None, open_timeout=300.0) as stream:
             for message in ('{"type": "open", "paced": false}', encode_word(WORDS[0]), '{"type": "end"}'):
                 stream.send(message)
@@ -176,9 +172,8 @@ def watch_calls(calls: Sequence[Sequence[str]], work: Path, switch: str | None =
         prefix = ["unshare", *user_options, *namespaces] if namespaces else []
         if prefix and not _can_run([*prefix, "true"]):
             continue
-        process = subprocess.run(
-            [*prefix, *script, means], env=environment, capture_output=True, text=True, check=False
-        )
+        call = [*prefix, *script, means]
+        process = subprocess.run(call, env=environment, capture_output=True, text=True, check=False)
         if process.returncode:
             raise RuntimeError(process.stderr[-2000:])
         return SideEffects(**json.loads(process.stdout.splitlines()[-1]))
@@ -215,25 +210,18 @@ def _watch(work: Path, calls: list[list[str]], means: str) -> SideEffects:
             os.chroot(root)
         os.chdir(work)
 
+    run = partial(subprocess.run, env=environment, preexec_fn=enter, stdin=subprocess.DEVNULL, check=False)
     for call in calls:
-        process = subprocess.run(
-            call,
-            env=environment,
-            preexec_fn=enter,
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
+        process = run(call, capture_output=True, text=True)
         effects.status, effects.errors = process.returncode, process.stderr[-2000:]
         if process.returncode:
             break
     time.sleep(0.5)
     effects.sockets, effects.names = _count_unroutable() - before, names
     files = {path for name in ("home", "tmp") for path in (watch_folder / name).rglob("*") if not path.is_dir()}
+    short = {f"{watch_folder}/home": "~", f"{watch_folder}/tmp": "$TMPDIR"}
     effects.files = [
-        str(path).replace(f"{watch_folder}/home", "~").replace(f"{watch_folder}/tmp", "$TMPDIR")
-        for path in sorted(files)
+        re.sub("|".join(map(re.escape, short)), lambda m: short[m[0]], str(path)) for path in sorted(files)
     ]
     if root is not None:
         upper = root.parent / "upper"
