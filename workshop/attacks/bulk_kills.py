@@ -93,8 +93,7 @@ def run_disturbed(
             raise RuntimeError(f"{folder}: the call ended with status {driver.returncode}")
 
 
-def kill_driver(driver: psutil.Process) -> bool:
-    """Kills the process that was called."""
+def _kill_driver(driver: psutil.Process) -> bool:
     driver.kill()
     return True
 
@@ -102,7 +101,7 @@ def kill_driver(driver: psutil.Process) -> bool:
 @contextmanager
 def start_processes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, Kill]]]:
     """Yields options for two worker processes, and how to kill them and the driver."""
-    yield ["--workers", "2"], {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver}
+    yield ["--workers", "2"], {"worker": lambda driver: kill_worker(driver, rng), "driver": _kill_driver}
 
 
 @contextmanager
@@ -130,7 +129,7 @@ def start_two_nodes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, K
     kills: dict[str, Kill] = {
         "actor": lambda driver: kill_worker(driver, rng, ("ray::MapWorker", "ray::ShardActor")),
         "node": kill_node,
-        "driver": kill_driver,
+        "driver": _kill_driver,
     }
     try:
         yield ["--ray", cluster.address], kills

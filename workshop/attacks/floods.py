@@ -19,26 +19,16 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from functools import partial
 from itertools import chain, cycle, islice
-from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
 from websockets.exceptions import ConnectionClosed, InvalidMessage
 from websockets.sync.client import connect
 
-from service_callers import (
-    STREAM_OPTIONS,
-    WORDS,
-    CallerRecord,
-    call_again,
-    encode_word,
-    get_stream_address,
-    play_paced_stream,
-    start_service,
-    wait_until_warm,
-    watch_health,
-)
+import service_callers as callers
+from service_callers import WORDS, CallerRecord, encode_word, get_stream_address
 
 _SECONDS = 10.0
 """Greatest length of a flood, s."""
@@ -67,15 +57,9 @@ def _encode_frame(opcode: int, payload: bytes = b"", fin: int = 0x80) -> bytes:
 
 
 def _send(
-    host: str,
-    port: int,
-    deadline: float,
-    head: bytes,
-    block: bytes,
-    pause: float = 0.0,
-    first_frame: bytes = b"",
+    head: bytes, block: bytes, host: str, port: int, deadline: float, *, pause: float = 0.0, first_frame: bytes = b"",
     limit: int = 60 * _MB,
-) -> str:
+) -> str:  # fmt: skip
     """Sends a head and blocks over one connection, one after each pause or many at once, of ``limit`` bytes at most;
     returns the amount sent and the end of the connection. ``first_frame``: sent before the blocks of a WebSocket.
     """
@@ -107,10 +91,6 @@ def _send(
     return f"{sent / _MB:.1f} MB, {ending}" + (f" ({line})" if line else "")
 
 
-def _flood(head: bytes, block: bytes, **options: Any) -> Flood:
-    return lambda host, port, deadline: _send(host, port, deadline, head, block, **options)
-
-
 def _open_many_connections(host: str, port: int, deadline: float) -> str:
     """Opens 1,200 connections from another address, each with an unfinished head."""
     with ExitStack() as stack:
@@ -138,7 +118,7 @@ def _flood_repeatedly(host: str, port: int, deadline: float) -> str:
     n_connections = 0
     while time.monotonic() < deadline:
         with suppress(OSError):
-            _send(host, port, min(deadline, time.monotonic() + 1.0), _GET + b"X: ", b"a", limit=2 * _MB)
+            _send(_GET + b"X: ", b"a", host, port, min(deadline, time.monotonic() + 1.0), limit=2 * _MB)
         n_connections += 1
     return f"{n_connections} connections, one after another"
 
@@ -149,8 +129,8 @@ def _make_post(glosses: Sequence[str], file: str) -> bytes:
     return head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
 
 
-def _ask_at_once(request: bytes, n: int = 32) -> Flood:
-    """Asks for the same on so many connections of one other address, again after each answer."""
+def _ask_at_once(request: bytes, host: str, port: int, deadline: float) -> str:
+    """Asks for the same on 32 connections of one other address, again after each answer."""
 
     def ask(host: str, port: int, deadline: float) -> list[str]:
         outcomes: list[str] = []
@@ -164,13 +144,10 @@ def _ask_at_once(request: bytes, n: int = 32) -> Flood:
                 outcomes.append("no answer" if isinstance(error, TimeoutError) else "closed")
         return outcomes
 
-    def flood(host: str, port: int, deadline: float) -> str:
-        with ThreadPoolExecutor(n) as pool:
-            counts = Counter(chain(*pool.map(ask, [host] * n, [port] * n, [deadline] * n)))
-        forgotten = _time_until_forgotten(host, port)
-        return ", ".join(f"{count} times {outcome}" for outcome, count in counts.items()) + f"; {forgotten}"
-
-    return flood
+    with ThreadPoolExecutor(32) as pool:
+        counts = Counter(chain(*pool.map(ask, [host] * 32, [port] * 32, [deadline] * 32)))
+    forgotten = _time_until_forgotten(host, port)
+    return ", ".join(f"{count} times {outcome}" for outcome, count in counts.items()) + f"; {forgotten}"
 
 
 def _time_until_forgotten(host: str, port: int) -> str:
@@ -183,33 +160,29 @@ def _time_until_forgotten(host: str, port: int) -> str:
     return "held after 60 s"
 
 
-def _hang_up_at_once(addresses: Sequence[str], *requests: bytes) -> Flood:
+def _hang_up_at_once(addresses: Sequence[str], content: bytes, host: str, port: int, deadline: float) -> str:
     """Opens 16 connections that send requests and hang up, whenever the last ones are forgotten."""
-
-    def flood(host: str, port: int, deadline: float) -> str:
-        outcomes = []
-        while time.monotonic() < deadline:
-            with ExitStack() as stack:
-                for k in range(16):
-                    source = (addresses[k % len(addresses)], 0)
-                    connection = socket.create_connection((host, port), timeout=10.0, source_address=source)
-                    stack.enter_context(connection).sendall(b"".join(requests))
-                time.sleep(0.5)
-            outcomes.append(_time_until_forgotten(host, port))
-        return f"{len(outcomes)} times 16, {max(outcomes)}"
-
-    return flood
+    outcomes = []
+    while time.monotonic() < deadline:
+        with ExitStack() as stack:
+            for k in range(16):
+                source = (addresses[k % len(addresses)], 0)
+                connection = socket.create_connection((host, port), timeout=10.0, source_address=source)
+                stack.enter_context(connection).sendall(content)
+            time.sleep(0.5)
+        outcomes.append(_time_until_forgotten(host, port))
+    return f"{len(outcomes)} times 16, {max(outcomes)}"
 
 
-def _stream_at_once(words: Sequence[str], n: int = 50) -> Flood:
-    """Reads so many unpaced streams of one other address, and opens the next one when one is done."""
+def _stream_at_once(words: Sequence[str], host: str, port: int, deadline: float) -> str:
+    """Reads 50 unpaced streams of one other address, and opens the next one when one is done."""
 
     def read(uri: str, deadline: float) -> int:
         n_frames = 0
         while time.monotonic() < deadline:
             with (
                 suppress(ConnectionClosed, InvalidMessage, OSError, TimeoutError),
-                connect(uri, source_address=_OTHER, **STREAM_OPTIONS) as stream,
+                connect(uri, source_address=_OTHER, **callers.STREAM_OPTIONS) as stream,
             ):
                 stream.send('{"type": "open", "paced": false}')
                 for gloss in islice(cycle(words), 30):
@@ -220,12 +193,9 @@ def _stream_at_once(words: Sequence[str], n: int = 50) -> Flood:
                     n_frames += int.from_bytes(message[8:12], "little") if isinstance(message, bytes) else 0
         return n_frames
 
-    def flood(host: str, port: int, deadline: float) -> str:
-        address = get_stream_address(f"http://{host}:{port}")
-        with ThreadPoolExecutor(n) as pool:
-            return f"{sum(pool.map(read, [address] * n, [deadline] * n))} frames"
-
-    return flood
+    address = get_stream_address(f"http://{host}:{port}")
+    with ThreadPoolExecutor(50) as pool:
+        return f"{sum(pool.map(read, [address] * 50, [deadline] * 50))} frames"
 
 
 _FILM, _SENTENCE = _make_post(WORDS * 7, "gif"), _make_post(WORDS * 4, "bvh")
@@ -236,37 +206,37 @@ _ADDRESSES = [f"127.0.0.{k}" for k in range(2, 18)]
 
 FLOODS: dict[str, Flood] = {
     "none": lambda host, port, deadline: "",
-    "endless header value": _flood(_GET + b"X: ", b"a"),
-    "endless URL": _flood(b"GET /", b"a"),
-    "many headers": _flood(_GET, b"X-T: aaaaaaaaaa\r\n"),
-    "endless chunk trailer": _flood(_CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
-    "endless trailer behind an answer": _flood(_GET + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"),
-    "endless chunk extension": _flood(_CHUNKED + b"2;", b"a"),
-    "chunks of one byte": _flood(_CHUNKED, b"1\r\n \r\n"),
-    "pipelined requests": _flood(b"", _GET + b"\r\n"),
-    "WebSocket pings": _flood(_UPGRADE, _encode_frame(9)),
-    "WebSocket pings of 125 bytes": _flood(_UPGRADE, _encode_frame(9, bytes(125))),
-    "WebSocket pongs": _flood(_UPGRADE, _encode_frame(10)),
-    "WebSocket fragments": _flood(_UPGRADE, _encode_frame(0, fin=0), first_frame=_encode_frame(1, b"{", fin=0)),
-    "WebSocket messages": _flood(_UPGRADE, _encode_frame(1, b"{}")),
-    "WebSocket words": _flood(_UPGRADE, _encode_frame(1, encode_word("-").encode()),
+    "endless header value": partial(_send, _GET + b"X: ", b"a"),
+    "endless URL": partial(_send, b"GET /", b"a"),
+    "many headers": partial(_send, _GET, b"X-T: aaaaaaaaaa\r\n"),
+    "endless chunk trailer": partial(_send, _CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
+    "endless trailer behind an answer": partial(_send, _GET + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"),
+    "endless chunk extension": partial(_send, _CHUNKED + b"2;", b"a"),
+    "chunks of one byte": partial(_send, _CHUNKED, b"1\r\n \r\n"),
+    "pipelined requests": partial(_send, b"", _GET + b"\r\n"),
+    "WebSocket pings": partial(_send, _UPGRADE, _encode_frame(9)),
+    "WebSocket pings of 125 bytes": partial(_send, _UPGRADE, _encode_frame(9, bytes(125))),
+    "WebSocket pongs": partial(_send, _UPGRADE, _encode_frame(10)),
+    "WebSocket fragments": partial(_send, _UPGRADE, _encode_frame(0, fin=0), first_frame=_encode_frame(1, b"{", fin=0)),
+    "WebSocket messages": partial(_send, _UPGRADE, _encode_frame(1, b"{}")),
+    "WebSocket words": partial(_send, _UPGRADE, _encode_frame(1, encode_word("-").encode()),
                               first_frame=_encode_frame(1, b'{"type": "open"}')),
-    "slow head": _flood(_GET + b"X: ", b"a", pause=0.1),
-    "slow body": _flood(_POST + b"Content-Length: 1000\r\n\r\n", b" ", pause=0.1),
-    "slow trailer": _flood(_CHUNKED + b"0\r\n", b"X: a\r\n", pause=0.1),
+    "slow head": partial(_send, _GET + b"X: ", b"a", pause=0.1),
+    "slow body": partial(_send, _POST + b"Content-Length: 1000\r\n\r\n", b" ", pause=0.1),
+    "slow trailer": partial(_send, _CHUNKED + b"0\r\n", b"X: a\r\n", pause=0.1),
     "many connections": _open_many_connections,
     "flood after flood": _flood_repeatedly,
-    "32 films of 160 glosses": _ask_at_once(_make_post((WORDS * 23)[:160], "gif")),
-    "32 films of 49 glosses": _ask_at_once(_FILM),
-    "32 sheets of 49 glosses": _ask_at_once(_make_post(WORDS * 7, "png")),
-    "32 sentences of 28 glosses": _ask_at_once(_SENTENCE),
-    "32 sentences of forms": _ask_at_once(_make_post(_FORMS, "bvh")),
-    "films, clients hang up": _hang_up_at_once(["127.0.0.2"], _FILM),
-    "films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM),
-    "pipelined films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM, _FILM, _FILM),
-    "sentences, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _SENTENCE),
-    "50 unpaced streams": _stream_at_once(WORDS),
-    "50 unpaced streams of forms": _stream_at_once(_FORMS),
+    "32 films of 160 glosses": partial(_ask_at_once, _make_post((WORDS * 23)[:160], "gif")),
+    "32 films of 49 glosses": partial(_ask_at_once, _FILM),
+    "32 sheets of 49 glosses": partial(_ask_at_once, _make_post(WORDS * 7, "png")),
+    "32 sentences of 28 glosses": partial(_ask_at_once, _SENTENCE),
+    "32 sentences of forms": partial(_ask_at_once, _make_post(_FORMS, "bvh")),
+    "films, clients hang up": partial(_hang_up_at_once, ["127.0.0.2"], _FILM),
+    "films, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, _FILM),
+    "pipelined films, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, 3 * _FILM),
+    "sentences, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, _SENTENCE),
+    "50 unpaced streams": partial(_stream_at_once, WORDS),
+    "50 unpaced streams of forms": partial(_stream_at_once, _FORMS),
 }  # fmt: skip
 
 
@@ -282,9 +252,9 @@ async def _measure_flood(address: str, name: str) -> tuple[str, str]:
     end = start + _SECONDS
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         attacker = pool.apply_async(_attack, (name, url.hostname, url.port, start, end))
-        callers = [play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
-        callers += [watch_health(address, record, end + _REST_S), call_again(address, record, end + _REST_S)]
-        await asyncio.gather(*callers)
+        honest = [callers.play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
+        honest += [call(address, record, end + _REST_S) for call in (callers.watch_health, callers.call_again)]
+        await asyncio.gather(*honest)
         try:
             attacker_outcome = await asyncio.to_thread(attacker.get, 70.0)
         except multiprocessing.TimeoutError:
@@ -296,8 +266,7 @@ def main(names: list[str]) -> None:
     """Prints a row for each flood, after a run that is not measured: the first one loads files into memory."""
     print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
     for number, name in enumerate(["none", *(names or FLOODS)]):
-        with start_service() as (address, _):
-            wait_until_warm(address)
+        with callers.start_service() as address:
             seen, attacker_outcome = asyncio.run(_measure_flood(address, name))
             if number:
                 print(f"| {name} | {seen}; the attacker: {attacker_outcome or '-'} |", flush=True)

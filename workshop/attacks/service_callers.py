@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from itertools import cycle, islice
 from pathlib import Path
 from statistics import median
-from typing import IO, Any
+from typing import Any
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
@@ -28,18 +28,19 @@ _FPS = 30.0
 
 
 @contextmanager
-def start_service(
-    *arguments: str, log: IO[str] | int = subprocess.DEVNULL
-) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Starts a service; yields its address, and its process, whose standard error goes to ``log``."""
+def start_service(*arguments: str) -> Iterator[str]:
+    """Starts a service and waits for its workers; yields its address."""
     call = [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments]
     path = os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
-    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=log, text=True, env=environment)
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment)
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
-        yield line[line.index("http://") :].split()[0].rstrip("/"), process
+        address = line[line.index("http://") :].split()[0].rstrip("/")
+        while httpx.get(f"{address}/healthz", timeout=60.0, trust_env=False).status_code == 503:
+            time.sleep(0.1)
+        yield address
     finally:
         process.kill()
         process.wait()
@@ -62,15 +63,18 @@ class CallerRecord:
     first_frames: list[tuple[float, float]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
 
+    def note(self, call: str, answer: httpx.Response) -> None:
+        """Counts an answer that is none as a failure."""
+        if answer.status_code != 200:
+            self.faults.append(f"{call} {answer.status_code}")
+
     def row(self, start: float, end: float) -> str:
         """Returns the worst and the 99th percentile, and medians before and within an attack, in words."""
-        late = sorted(self.late)
-        p99 = late[int(0.99 * len(late))] if late else float("nan")
-        worst = late[-1] if late else float("nan")
+        late = [1e3 * seconds for seconds in sorted(self.late)] or [float("nan")]
         faults = "; " + ", ".join(sorted(set(self.faults))) if self.faults else ""
         return (
             f"/healthz at most {1e3 * max(self.health, default=float('nan')):.0f} ms of {len(self.health)} calls; "
-            f"{len(late)} frames, late p99 {1e3 * p99:.0f} ms, worst {1e3 * worst:.0f} ms; "
+            f"{len(self.late)} frames, late p99 {late[int(0.99 * len(late))]:.0f} ms, worst {late[-1]:.0f} ms; "
             f"HELLO {_compare(self.posts, start, end)}; first frame {_compare(self.first_frames, start, end)}{faults}"
         )
 
@@ -112,13 +116,6 @@ async def wait_for_frames(socket: ClientConnection) -> None:
         pass
 
 
-def wait_until_warm(address: str) -> None:
-    """Returns once the workers of a service have started."""
-    with httpx.Client(base_url=address, timeout=60.0, trust_env=False) as client:
-        while client.get("/healthz").status_code == 503:
-            time.sleep(0.1)
-
-
 async def watch_health(address: str, record: CallerRecord, deadline: float) -> None:
     """Asks /healthz ten times a second, on a new connection each time, until a time of ``time.monotonic``."""
     limits = httpx.Limits(max_keepalive_connections=0)
@@ -126,9 +123,7 @@ async def watch_health(address: str, record: CallerRecord, deadline: float) -> N
         while time.monotonic() < deadline:
             start = time.monotonic()
             try:
-                answer = await client.get("/healthz")
-                if answer.status_code != 200:
-                    record.faults.append(f"/healthz {answer.status_code}")
+                record.note("/healthz", await client.get("/healthz"))
             except httpx.HTTPError as error:
                 record.faults.append(f"/healthz {type(error).__name__}")
             record.health.append(time.monotonic() - start)
@@ -166,8 +161,7 @@ async def call_again(address: str, record: CallerRecord, deadline: float) -> Non
                 start = time.monotonic()
                 answer = await client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
                 record.posts.append((start, time.monotonic() - start))
-                if answer.status_code != 200:
-                    record.faults.append(f"HELLO {answer.status_code}")
+                record.note("HELLO", answer)
                 start = time.monotonic()
                 async with await open_stream(address, True, WORDS[:2]) as socket:
                     await wait_for_frames(socket)
