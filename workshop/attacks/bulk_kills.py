@@ -93,7 +93,8 @@ def run_disturbed(
             raise RuntimeError(f"{folder}: the call ended with status {driver.returncode}")
 
 
-def _kill_driver(driver: psutil.Process) -> bool:
+def kill_driver(driver: psutil.Process) -> bool:
+    """Kills the process that was called."""
     driver.kill()
     return True
 
@@ -101,7 +102,10 @@ def _kill_driver(driver: psutil.Process) -> bool:
 @contextmanager
 def start_processes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, Kill]]]:
     """Yields options for two worker processes, and how to kill them and the driver."""
-    yield ["--workers", "2"], {"worker": lambda driver: kill_worker(driver, rng), "driver": _kill_driver}
+    yield (
+        ["--workers", "2"],
+        {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver},
+    )
 
 
 @contextmanager
@@ -129,7 +133,7 @@ def start_two_nodes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, K
     kills: dict[str, Kill] = {
         "actor": lambda driver: kill_worker(driver, rng, ("ray::MapWorker", "ray::ShardActor")),
         "node": kill_node,
-        "driver": _kill_driver,
+        "driver": kill_driver,
     }
     try:
         yield ["--ray", cluster.address], kills
@@ -164,9 +168,8 @@ def attack(folder: Path, n_kills: int, on_ray: bool, seed: int = 0, n_recipes: i
 def main() -> None:
     """Runs the attack and prints its table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--recipes", type=int, default=N_RECIPES)
+    for name, default in (("--kills", 20), ("--seed", 0), ("--recipes", N_RECIPES)):
+        parser.add_argument(name, type=int, default=default)
     parser.add_argument("--ray", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

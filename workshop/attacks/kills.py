@@ -62,17 +62,6 @@ class Writer:
     prepare: Callable[[Path], object]
 
 
-def run_command(folder: Path, *words: str) -> int:
-    """Returns the exit status of ``signsplice`` in a folder, in this process."""
-    os.chdir(folder)
-    sys.argv = ["signsplice", *words]
-    try:
-        cli.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
 # --- writers
 
 
@@ -91,7 +80,12 @@ def make_writers(inputs: Path) -> list[Writer]:
             builder.add(words.clip(words.glosses[20]))
 
     def run(*call: str) -> Callable[[Path], None]:
-        return lambda folder: sys.exit(run_command(folder, *call))
+        def write(folder: Path) -> None:
+            os.chdir(folder)
+            sys.argv = ["signsplice", *call]
+            cli.main()
+
+        return write
 
     if wait_for(fork(lambda: run(*corpus)(inputs))):
         raise SystemExit("the pairs to train with cannot be made")

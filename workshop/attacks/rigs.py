@@ -212,10 +212,8 @@ def compute_truth(gloss: str, body: int, is_mirrored: bool) -> tuple[dict[int, F
         path.write_text(encode_bvh(make_undistorted(gloss, body)))
         shown, lines = splice_file(path)
     if not body:
-        actual, expected = (
-            np.concatenate([*shown.values()]),
-            np.concatenate(compute_points(make_undistorted(gloss, 0))[[*shown]]),
-        )
+        actual = np.concatenate([*shown.values()])
+        expected = np.concatenate(compute_points(make_undistorted(gloss, 0))[[*shown]])
         turn = Rotation.align_vectors(actual - actual.mean(axis=0), expected - expected.mean(axis=0))[0]
         errors = turn.apply(expected - expected.mean(axis=0)) + actual.mean(axis=0) - actual
         assert np.abs(errors).max() < 1e-3, f"{gloss} itself is not spliced as it is"
