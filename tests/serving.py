@@ -27,8 +27,8 @@ PATIENCE_S = 300.0
 
 @contextmanager
 def serving(*arguments: str, cwd: Path | None = None, **environment: str) -> Iterator[str]:
-    """The address of `signsplice ARGUMENTS`, which listens until the block ends; it then has to exit without errors.
-    ``environment``: further variables of its environment.
+    """The address of `signsplice ARGUMENTS`, which listens until the block ends; it then has to exit without errors,
+    or by a SIGTERM of a test. ``environment``: further variables of its environment.
     """
     process = subprocess.Popen(
         [sys.executable, "-m", "signsplice", *arguments, "--port", "0"],
@@ -51,7 +51,7 @@ def serving(*arguments: str, cwd: Path | None = None, **environment: str) -> Ite
         except subprocess.TimeoutExpired:
             process.kill()
             raise
-    assert process.returncode == 0, stderr
+    assert process.returncode in (0, -signal.SIGTERM), stderr
     assert "Traceback" not in stderr, stderr
 
 

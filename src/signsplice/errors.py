@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+_MOST_QUOTED = 80
+"""Characters of a gloss that a message quotes."""
+
 
 class SignspliceError(Exception):
     """Base of every error that signsplice raises on purpose."""
@@ -48,11 +51,17 @@ class UnknownGlossError(InputError):
     def __init__(self, unknown: Mapping[str, Sequence[str]], where: str) -> None:
         self.unknown = {gloss: tuple(nearest) for gloss, nearest in unknown.items()}
         self.where = where
-        glosses = (
-            f"{gloss!r} ({'nearest: ' + ', '.join(nearest) if nearest else 'nothing is near it'})"
-            for gloss, nearest in self.unknown.items()
-        )
-        super().__init__(f"{where}: no gloss {'; '.join(glosses)}; `signsplice lexicon list` shows all")
+        super().__init__(f"{where}: {self.describe('nothing is near it')}; `signsplice lexicon list` shows all")
+
+    def describe(self, without_nearest: str = "") -> str:
+        """Return the glosses and the nearest ones in one line, without control characters and with long ones shortened.
+        ``without_nearest``: what is said of a gloss that none is near.
+        """
+        lines = []
+        for gloss, nearest in self.unknown.items():
+            hint = f"nearest: {', '.join(_quote(name)[1:-1] for name in nearest)}" if nearest else without_nearest
+            lines.append(_quote(gloss) + (f" ({hint})" if hint else ""))
+        return f"no gloss {'; '.join(lines)}"
 
     def __reduce__(self) -> tuple[type[UnknownGlossError], tuple[Mapping[str, Sequence[str]], str]]:
         return type(self), (self.unknown, self.where)
@@ -60,3 +69,7 @@ class UnknownGlossError(InputError):
 
 class MissingExtraError(SignspliceError):
     """A package of an extra is not installed; the message names the extra."""
+
+
+def _quote(name: str) -> str:
+    return repr(name if len(name) <= _MOST_QUOTED else name[: _MOST_QUOTED - 3] + "...")

@@ -212,6 +212,7 @@ INVALID: dict[str, tuple[Any, str]] = {
     "a negative number": (lambda d: d["animations"][0]["samplers"][0].update(input=-2), "accessor -2 is no such"),
     "lines for a number": (lambda d: d["bufferViews"][0].update(buffer="a\u2028b\n"), "buffer 'a.* is no such"),
     "lines for a version": (lambda d: d["asset"].update(version="1\n2\u2028"), "is glTF 1 2 , expected 2.0"),
+    "a long version": (lambda d: d["asset"].update(version={"1": "9" * 1000}), "is glTF {'1': '9{33}, expected 2.0"),
     "no such node": (lambda d: d["animations"][0]["channels"][0]["target"].update(node=7), "is no node"),
 }  # fmt: skip
 

@@ -100,6 +100,12 @@ BOMBS: dict[str, tuple[str, Callable[[], bytes], str]] = {
         lambda: animated([{}], skins=[{"joints": [0] * 9, "inverseBindMatrices": 2}] * 2_000),
         "",
     ),
+    "nodes of one name": (
+        "a.glb",
+        lambda: animated([{"name": "x", "children": [*range(1, 1024)]}, *[{"name": "x"}] * 1023]),
+        "",
+    ),
+    "JSON in JSON": ("a.gltf", lambda: b"[" * 1_000_000, "nested too deeply"),
     "keys far apart": ("a.glb", lambda: animated([{}], (0.0, 160_000.0)), "expected at most 86,400 seconds"),
     "keys apart": ("a.glb", lambda: animated(chain(500), (0.0, 2_000.0)), "MB of memory, expected at most 5"),
     "a chain of joints": ("a.bvh", lambda: deep(20_000).encode(), "joints nest deeper than 256"),

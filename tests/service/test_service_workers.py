@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -186,23 +187,65 @@ def test_a_stream_whose_process_ends_while_a_frame_goes_out_is_closed(at_once: b
     assert "the process that held this stream ended" in sent[-1]["error"]
 
 
+def kill_next(client: httpx.Client, known: list[psutil.Process]) -> None:
+    """Kill the process that replaces one, as soon as it is there."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        for process in workers_of(client):
+            if process not in known:
+                return process.kill()
+        time.sleep(0.02)
+    raise AssertionError("no process replaces one that was killed")
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="finds processes as Linux lists them")
-def test_an_idle_stream_whose_process_is_killed_is_told_and_closed(service: httpx.Client) -> None:
-    with stream_client(service) as idle, stream_client(service) as used:
-        for stream in (idle, used):
-            stream.send('{"type": "open", "paced": false}')
-        for _ in range(2):
-            used.send('{"type": "word", "gloss": "HELLO"}')
-        while not isinstance(used.recv(timeout=PATIENCE_S), bytes):
-            pass
+@pytest.mark.parametrize(
+    ("kill", "rounds"),
+    [
+        ("once", 1),
+        pytest.param("once", 7, marks=pytest.mark.slow),
+        pytest.param("twice in a row", 7, marks=pytest.mark.slow),
+        pytest.param("while a client waits for the next", 7, marks=pytest.mark.slow),
+    ],
+)
+def test_streams_whose_process_is_killed_are_told_and_closed(service: httpx.Client, kill: str, rounds: int) -> None:
+    for _ in range(rounds):
+        with ExitStack() as stack:
+            idle, paced, used, waiting = (stack.enter_context(stream_client(service)) for _ in range(4))
+            for stream in (idle, paced, used):
+                stream.send(json.dumps({"type": "open", "paced": stream is paced}))
+            for stream in (paced, used):
+                for _ in range(8 if stream is paced else 3):
+                    stream.send('{"type": "word", "gloss": "HELLO"}')
+                while not isinstance(stream.recv(timeout=PATIENCE_S), bytes):
+                    pass
+            known = workers_of(service)
+            for process in known:
+                process.kill()
+            if kill == "twice in a row":
+                kill_next(service, known)
+            for _ in range(1 if kill.startswith("while") else 0):
+                waiting.send('{"type": "open", "paced": false}')
+                kill_next(service, known)
+            start = time.monotonic()
+            for stream in (idle, paced, used):
+                messages, code = messages_and_close_code(stream)
+                assert "the process that held this stream ended" in messages[-1]["error"]
+                assert code == 1013
+            assert time.monotonic() - start < 5.0
+            if not kill.startswith("while"):
+                waiting.send('{"type": "open", "paced": false}')
+            for _ in range(3):
+                waiting.send('{"type": "word", "gloss": "HELLO"}')
+            while not isinstance(waiting.recv(timeout=PATIENCE_S), bytes):
+                pass
         for process in workers_of(service):
             process.kill()
-        for stream in (idle, used):
-            messages, code = messages_and_close_code(stream)
-            assert "the process that held this stream ended" in messages[-1]["error"]
-            assert code == 1013
-    assert service.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]}).status_code == 200
-    assert service.get("/healthz").json()["streams"] == 0
+        assert service.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]}).status_code == 200
+        deadline = time.monotonic() + PATIENCE_S
+        while service.get("/healthz").json()["streams"]:
+            assert time.monotonic() < deadline, "a place is lost"
+            time.sleep(0.02)
 
 
 # --- the end of the service ---
@@ -222,10 +265,10 @@ def begun_request(client: httpx.Client) -> socket.socket:
     return connection
 
 
-def stop(client: httpx.Client) -> psutil.Process:
+def stop(client: httpx.Client, how: signal.Signals) -> psutil.Process:
     """The service of a client, told to stop and listening no more."""
     process = process_of(client)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(how)
     while True:
         try:
             socket.create_connection((client.base_url.host, client.base_url.port or 0), PATIENCE_S).close()
@@ -246,7 +289,7 @@ def test_a_stop_tells_streams_and_lets_requests_end() -> None:
         begun_request(client) as request,
         stream_client(client) as stream,
     ):
-        service = stop(client)
+        service = stop(client, signal.SIGINT)
         _, code = messages_and_close_code(stream)
         assert code == 1012
         request.sendall(SENTENCE)
@@ -256,7 +299,7 @@ def test_a_stop_tells_streams_and_lets_requests_end() -> None:
 
 def test_a_request_that_outlasts_the_stop_is_answered_with_json() -> None:
     with http_client("serve", "--workers=1", "--limit=drain_seconds=1") as client, begun_request(client) as request:
-        service = stop(client)
+        service = stop(client, signal.SIGTERM)
         answer = request.makefile("rb").read()
         assert answer.startswith(b"HTTP/1.1 503 ")
         assert "send it again" in json.loads(answer.partition(b"\r\n\r\n")[2])["error"]
@@ -350,9 +393,9 @@ from signsplice.service.settings import Settings
 from signsplice.service.workers import Worker
 
 async def work():
-    worker = Worker(Settings(), is_quick=True)
-    print(await worker.run(os.getpid), flush=True)
-    await worker.run(time.sleep, 300.0)
+    working, idle = (Worker(Settings(), is_quick=True) for _ in range(2))
+    print(await working.run(os.getpid), await idle.run(os.getpid), flush=True)
+    await working.run(time.sleep, 300.0)
 
 if __name__ == "__main__":
     asyncio.run(work())
@@ -360,13 +403,14 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills a process with a signal")
-def test_a_working_process_ends_with_its_killed_parent(tmp_path: Path) -> None:
+def test_a_working_and_an_idle_process_end_with_their_killed_parent(tmp_path: Path) -> None:
     (tmp_path / "parent.py").write_text(PARENT)
     with subprocess.Popen([sys.executable, str(tmp_path / "parent.py")], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
-        worker = psutil.Process(int(parent.stdout.readline()))
+        workers = [psutil.Process(int(pid)) for pid in parent.stdout.readline().split()]
         parent.kill()
     deadline = time.monotonic() + PATIENCE_S
-    while worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE:
-        assert time.monotonic() < deadline, "works on without its parent"
-        time.sleep(0.02)
+    for worker in workers:
+        while worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE:
+            assert time.monotonic() < deadline, "works on without its parent"
+            time.sleep(0.02)

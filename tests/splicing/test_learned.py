@@ -53,6 +53,21 @@ def other_rig(clip: Clip) -> Clip:
     return on_other_rig(clip, rotation.exp([0.4, -1.1, 2.0]), 0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("cutter", ["learned", "learned-fluent"])
+def test_a_stream_which_sees_two_words_at_a_time_cuts_as_a_splice_does(cutter: str) -> None:
+    """In 200 sentences of 3 to 12 words: the same frames of each word, and the same bits between them."""
+    lexicon, options, rng = open_shipped_lexicon(), ss.SpliceOptions(cutter=cutter), np.random.default_rng(18)
+    glosses = [gloss for gloss in lexicon.glosses if not gloss.startswith("fs-")]
+    for _ in range(200):
+        chosen = rng.choice(len(glosses), int(rng.integers(3, 13)), replace=False)
+        words = [lexicon.clip(glosses[k]) for k in chosen]
+        together, pieces = ss.splice(words, options), list(ss.stream(words, options))
+        assert [piece.span for piece in pieces] == list(together.spans)
+        streamed = np.concatenate([piece.clip.local_rotations for piece in pieces])
+        np.testing.assert_array_equal(streamed, together.clip.local_rotations)
+
+
 def test_every_rig_hand_and_rate_has_the_same_cut() -> None:
     expected = CUTTER.cut_all([P, Q])[0]
     assert 0 <= expected.pre < len(P)

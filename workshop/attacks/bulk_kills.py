@@ -42,17 +42,6 @@ def read_folder(folder: Path) -> Content:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def run_undisturbed(folder: Path, n_recipes: int) -> tuple[list[str | Path], Content]:
-    """Runs the call with one worker and no kills; returns it without folder and workers, and the output."""
-    table, output_folder = folder / "recipes.csv", folder / "undisturbed"
-    subprocess.run(
-        make_command("bulk", "recipes", "-o", table, "--count", str(n_recipes), "--words", "2:4"), check=True
-    )
-    call: list[str | Path] = ["bulk", "sentences", table, "--shard-size", str(SHARD_SIZE)]
-    subprocess.run(make_command(*call, "--workers", "1", "-o", output_folder), check=True)
-    return call, read_folder(output_folder)
-
-
 def kill_worker(driver: psutil.Process, rng: random.Random, marks: tuple[str, ...] = ("spawn_main",)) -> bool:
     """Kills one of the processes that make shards; returns False if there is none yet."""
     workers = []
@@ -67,47 +56,41 @@ def kill_worker(driver: psutil.Process, rng: random.Random, marks: tuple[str, ..
 
 
 def run_disturbed(
-    call: list[str | Path],
-    output_folder: Path,
-    placement: list[str],
-    kills: dict[str, Kill],
-    n_kills: int,
-    rng: random.Random,
+    command: list[str], folder: Path, kills: dict[str, Kill], n_kills: int, rng: random.Random
 ) -> Counter[str]:
-    """Runs ``call`` into ``output_folder`` until it ends, with up to ``n_kills`` kills of kinds drawn at random;
-    returns the number of kills of each kind.
-
-    Raises ``TimeoutError`` if it takes longer than ``TIME_LIMIT_S``.
+    """Runs a command into ``folder`` until it ends, with up to ``n_kills`` kills of kinds drawn at random; returns the
+    number of kills of each kind. Raises ``TimeoutError`` if it takes longer than ``TIME_LIMIT_S``.
     """
     kill_counts: Counter[str] = Counter()
     deadline = time.monotonic() + TIME_LIMIT_S
+
+    def count_shards() -> int:
+        return len(list(folder.glob("index/*.parquet")))
+
     while True:
-        driver = psutil.Popen(make_command(*call, *placement, "-o", output_folder), stdout=subprocess.DEVNULL)
+        driver = psutil.Popen([*command, "-o", str(folder)], stdout=subprocess.DEVNULL)
         try:
-            n_before = len(list(output_folder.glob("index/*.parquet")))
+            n_before = count_shards()
             while driver.poll() is None:
                 if time.monotonic() > deadline:
-                    raise TimeoutError(
-                        f"{output_folder}: not finished after {TIME_LIMIT_S:.0f} s and {kill_counts.total()} kills"
-                    )
+                    raise TimeoutError(f"{folder}: not done after {TIME_LIMIT_S:.0f} s, {kill_counts.total()} kills")
                 time.sleep(rng.uniform(0.05, 0.5))
-                n_shards = len(list(output_folder.glob("index/*.parquet")))
                 # few kills before any progress
-                if kill_counts.total() == n_kills or (n_shards == n_before and rng.random() < 0.97):
+                if kill_counts.total() == n_kills or (count_shards() == n_before and rng.random() < 0.97):
                     continue
                 kind = rng.choice(sorted(kills))
                 time.sleep(rng.uniform(0.0, 0.3))
                 with suppress(psutil.NoSuchProcess):
                     if kills[kind](driver):
                         kill_counts[kind] += 1
-                        n_before = len(list(output_folder.glob("index/*.parquet")))
+                        n_before = count_shards()
         finally:
             with suppress(psutil.NoSuchProcess):
                 driver.kill()
         if driver.wait() == 0:
             return kill_counts
         if driver.returncode != -9:
-            raise RuntimeError(f"{output_folder}: the call ended with status {driver.returncode}")
+            raise RuntimeError(f"{folder}: the call ended with status {driver.returncode}")
 
 
 def kill_driver(driver: psutil.Process) -> bool:
@@ -117,8 +100,17 @@ def kill_driver(driver: psutil.Process) -> bool:
 
 
 @contextmanager
-def start_two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]:
-    """Starts a Ray cluster of two nodes with a processor each; yields its address, and how to kill its parts."""
+def start_processes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, Kill]]]:
+    """Yields options for two worker processes, and how to kill them and the driver."""
+    yield (
+        ["--workers", "2"],
+        {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver},
+    )
+
+
+@contextmanager
+def start_two_nodes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, Kill]]]:
+    """Starts a Ray cluster of two nodes with a processor each; yields options for it, and how to kill its parts."""
     os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", LOOPBACK: "0"}
     from ray.cluster_utils import Cluster
 
@@ -144,43 +136,40 @@ def start_two_nodes(rng: random.Random) -> Iterator[tuple[str, dict[str, Kill]]]
         "driver": kill_driver,
     }
     try:
-        yield cluster.address, kills
+        yield ["--ray", cluster.address], kills
     finally:
         cluster.shutdown()
 
 
 def attack(folder: Path, n_kills: int, on_ray: bool, seed: int = 0, n_recipes: int = N_RECIPES) -> Counter[str]:
     """Kills runs until there were ``n_kills`` kills, and returns the number of each kind. Raises ``AssertionError`` if
-    a run makes other files than an undisturbed one.
+    a run makes other files than an undisturbed one with one worker.
     """
-    rng = random.Random(seed)
-    call, expected = run_undisturbed(folder, n_recipes)
-    kill_counts: Counter[str] = Counter()
-
-    def run(placement: list[str], kills: dict[str, Kill]) -> None:
+    rng, table, undisturbed, disturbed = (
+        random.Random(seed),
+        *(folder / n for n in ("recipes.csv", "whole", "disturbed")),
+    )
+    recipes = make_command("bulk", "recipes", "-o", table, "--count", str(n_recipes), "--words", "2:4")
+    subprocess.run(recipes, check=True)
+    call = make_command("bulk", "sentences", table, "--shard-size", str(SHARD_SIZE))
+    subprocess.run([*call, "--workers", "1", "-o", str(undisturbed)], check=True)
+    expected, kill_counts = read_folder(undisturbed), Counter[str]()
+    with start_two_nodes(rng) if on_ray else start_processes(rng) as (placement, kills):
         while kill_counts.total() < n_kills:
-            output_folder = folder / "disturbed"
-            run_counts = run_disturbed(call, output_folder, placement, kills, n_kills - kill_counts.total(), rng)
-            files = read_folder(output_folder)
+            run_counts = run_disturbed([*call, *placement], disturbed, kills, n_kills - kill_counts.total(), rng)
+            files = read_folder(disturbed)
             assert files == expected, sorted(set(files) ^ set(expected)) or "bytes differ"
             print(f"{'Ray' if on_ray else 'processes'}: {dict(run_counts)}, {len(files)} files equal", flush=True)
             kill_counts.update(run_counts)
-            shutil.rmtree(output_folder)
-
-    if on_ray:
-        with start_two_nodes(rng) as (address, kills):
-            run(["--ray", address], kills)
-    else:
-        run(["--workers", "2"], {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver})
+            shutil.rmtree(disturbed)
     return kill_counts
 
 
 def main() -> None:
     """Runs the attack and prints its table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--recipes", type=int, default=N_RECIPES)
+    for name, default in (("--kills", 20), ("--seed", 0), ("--recipes", N_RECIPES)):
+        parser.add_argument(name, type=int, default=default)
     parser.add_argument("--ray", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

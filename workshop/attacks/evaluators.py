@@ -11,8 +11,6 @@ import base64
 import json
 import re
 import struct
-from collections.abc import Collection
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,18 +24,18 @@ KEEPS_JOINTS = re.compile(
 """glTF extensions that a file may require although only its joints are read: none of them moves a node."""
 _TYPES = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_PATHS = {"translation": 3, "rotation": 4, "scale": 3}
+PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 
 
 class MustRefuseError(ValueError):
     """A file that a program must not load if it knows no more than glTF 2.0."""
 
 
-def locate_gltf_joints(
-    content: bytes | Path, times: Any, animation: int = 0, near_s: float = 0.0
+def evaluate_gltf(
+    content: bytes, times: Any, animation: int | None = 0, near_s: float = 0.0
 ) -> tuple[list[str], np.ndarray]:
-    """Returns the names of all nodes of a glTF file (.gltf or .glb), and their world positions (T, N, 3), m, at
-    ``times``.
+    """Returns the names of all nodes of a glTF file (.gltf or .glb), and their matrices (T, N, 4, 4) to the world,
+    in m, at ``times``; at rest if ``animation`` is None.
 
     times: (T,) seconds by the file's keys; before the first and after the last key the value of that key holds.
     near_s: a time that is less off a key of a channel is at that key, since files store times in 32 bits.
@@ -45,17 +43,7 @@ def locate_gltf_joints(
     Nodes without a name are called "node 3". Raises ``MustRefuseError`` for a file that a reader has to refuse, and
     ``ValueError`` or another exception if it is not valid glTF, so that nothing can be said about it.
     """
-    names, world = evaluate_gltf(content, times, animation, near_s)
-    return names, world[..., :3, 3]
-
-
-def evaluate_gltf(
-    content: bytes | Path, times: Any, animation: int | None = 0, near_s: float = 0.0
-) -> tuple[list[str], np.ndarray]:
-    """Returns the same as ``locate_gltf_joints``, with the nodes' matrices (T, N, 4, 4) to the world; at rest if
-    ``animation`` is None.
-    """
-    file = _GltfFile(content)
+    file = GltfFile(content)
     times_s = np.atleast_1d(np.asarray(times, np.float64))
     channels = {} if animation is None else file.channels(animation)
     animated = {target: (keys, values, kind, near_s) for target, (keys, values, kind) in channels.items()}
@@ -67,26 +55,10 @@ def evaluate_gltf(
     order = [node for node in range(len(nodes)) if node not in parents]
     for node in order:  # the list grows: parents come first
         order += nodes[node].get("children") or ()
-        local = _evaluate_node(nodes[node], {p: animated[node, p] for p in _PATHS if (node, p) in animated}, times_s)
+        local = _evaluate_node(nodes[node], {p: animated[node, p] for p in PATHS if (node, p) in animated}, times_s)
         world[node] = world[parents[node]] @ local if node in parents else local
-    return _name_nodes(nodes), np.stack([world[node] for node in range(len(nodes))], axis=1)
-
-
-def list_key_times(content: bytes | Path, names: Collection[str] | None = None, animation: int = 0) -> np.ndarray:
-    """Returns the times (K,) of all keys of rotations and translations, each once, rising; with ``names`` only those of
-    nodes with these names. Raises as ``locate_gltf_joints`` does.
-    """
-    file = _GltfFile(content)
-    node_names = _name_nodes(file.json["nodes"])
-    return np.unique(np.concatenate([
-        keys for (node, path), (keys, _, _) in file.channels(animation).items()
-        if path != "scale" and (names is None or node_names[node] in names)
-    ]))  # fmt: skip
-
-
-def count_animations(content: bytes | Path) -> int:
-    """Returns the number of animations of a glTF file."""
-    return len(_GltfFile(content).json.get("animations") or ())
+    names = [fields.get("name") or f"node {node}" for node, fields in enumerate(nodes)]
+    return names, np.stack([world[node] for node in range(len(nodes))], axis=1)
 
 
 def compute_frame_times(keys: np.ndarray, n_frames: int, fps: float) -> np.ndarray:
@@ -103,40 +75,28 @@ _SITE = "End Site"
 """Name of what stands for an End Site with channels."""
 
 
-def locate_bvh_joints(content: bytes) -> tuple[list[str], np.ndarray]:
-    """Returns the names of the joints of a BVH file in its order, and their positions (T, J, 3) in its unit. Raises
-    ``ValueError`` or another exception if it is not valid.
-    """
-    names, world = evaluate_bvh(content)
-    return names, world[..., :3, 3]
-
-
 def evaluate_bvh(content: bytes) -> tuple[list[str], np.ndarray]:
-    """Returns the same as ``locate_bvh_joints``, with the joints' matrices (T, J, 4, 4) to the world."""
+    """Returns the names of the joints of a BVH file in its order, and their matrices (T, J, 4, 4) to the world, in its
+    unit. Raises ``ValueError`` or another exception if it is not valid.
+    """
     joints, rows, _ = _parse_bvh(content)
-    eye = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-    world: list[tuple[np.ndarray, np.ndarray]] = []  # of each joint: axes (T, 3, 3), position (T, 3)
+    world: list[np.ndarray] = []  # of each joint: matrices (T, 4, 4)
     column = 0
     for _, parent, offset, channels in joints:
-        axes, position = eye, np.tile(offset, (len(rows), 1))
+        local = np.tile(np.eye(4), (len(rows), 1, 1))
+        local[:, :3, 3] = offset
         for channel in channels:
             kind, axis, values = channel[1:].lower(), "xyz".index(channel[0].lower()), rows[:, column]
             column += 1
             if kind == "position":
-                position[:, axis] = values
+                local[:, axis, 3] = values
             elif kind == "rotation":
-                axes = axes @ _rotate_about(axis, np.deg2rad(values))
+                local[:, :3, :3] = local[:, :3, :3] @ _rotate_about(axis, np.deg2rad(values))
             else:
                 raise ValueError(f"channel {channel}")
-        if parent is not None:
-            parent_axes, parent_position = world[parent]
-            position, axes = parent_position + np.einsum("tij,tj->ti", parent_axes, position), parent_axes @ axes
-        world.append((axes, position))
-    joint_matrices = np.tile(np.eye(4), (len(rows), len(joints), 1, 1))
-    for joint, (axes, position) in enumerate(world):
-        joint_matrices[:, joint, :3, :3], joint_matrices[:, joint, :3, 3] = axes, position
-    is_joint = [name != _SITE for name, *_ in joints]
-    return [name for name, *_ in joints if name != _SITE], joint_matrices[:, is_joint]
+        world.append(local if parent is None else world[parent] @ local)
+    numbers = [number for number, (name, *_) in enumerate(joints) if name != _SITE]
+    return [joints[number][0] for number in numbers], np.stack([world[number] for number in numbers], axis=1)
 
 
 def read_frame_time(content: bytes) -> float:
@@ -147,16 +107,10 @@ def read_frame_time(content: bytes) -> float:
 # --- glTF
 
 
-def _name_nodes(nodes: list[Fields]) -> list[str]:
-    return [fields.get("name") or f"node {node}" for node, fields in enumerate(nodes)]
-
-
-class _GltfFile:
+class GltfFile:
     """JSON document and buffers of a glTF file."""
 
-    def __init__(self, content: bytes | Path) -> None:
-        self.folder = content.parent if isinstance(content, Path) else None
-        data = content.read_bytes() if isinstance(content, Path) else content
+    def __init__(self, data: bytes) -> None:
         self.blob = b""
         if data[:4] == b"glTF":
             version, length, size, _ = struct.unpack_from("<IIII", data, 4)
@@ -183,7 +137,7 @@ class _GltfFile:
         fields = self.json["animations"][animation]
         for channel in fields["channels"]:
             node, path = channel["target"].get("node"), channel["target"]["path"]
-            if node is None or path not in _PATHS:
+            if node is None or path not in PATHS:
                 continue
             if (node, path) in channels or not 0 <= node < len(self.json["nodes"]):
                 raise ValueError(f"{path} of node {node} is animated twice, or of no node")
@@ -192,7 +146,7 @@ class _GltfFile:
             if kind not in ("LINEAR", "STEP", "CUBICSPLINE"):
                 raise MustRefuseError(f"interpolation {kind}")
             keys, values = self.accessor(sampler["input"])[:, 0], self.accessor(sampler["output"])
-            shape = (len(keys), 3, _PATHS[path]) if kind == "CUBICSPLINE" else (len(keys), _PATHS[path])
+            shape = (len(keys), 3, PATHS[path]) if kind == "CUBICSPLINE" else (len(keys), PATHS[path])
             if not len(keys) or (np.diff(keys) <= 0).any() or values.size != np.prod(shape):
                 raise ValueError(f"{path} of node {node}: {values.shape} values for {len(keys)} keys")
             if not (np.isfinite(keys).all() and np.isfinite(values).all()):
@@ -220,11 +174,8 @@ class _GltfFile:
         start, size = view.get("byteOffset", 0), width * dtype.itemsize
         view_bytes = self.buffer(view["buffer"])[start : start + view["byteLength"]][reference.get("byteOffset", 0) :]
         stride = view.get("byteStride", size)
-        rows = [
-            np.frombuffer(view_bytes[n * stride : n * stride + size], dtype.newbyteorder("<"), width)
-            for n in range(count)
-        ]
-        return np.stack(rows)
+        starts = range(0, count * stride, stride) if stride else [0] * count
+        return np.stack([np.frombuffer(view_bytes[n : n + size], dtype.newbyteorder("<"), width) for n in starts])
 
     def buffer(self, number: int) -> bytes:
         """Returns the bytes of a buffer."""
@@ -233,9 +184,7 @@ class _GltfFile:
             return self.blob
         if uri.startswith("data:"):
             return base64.b64decode(uri.split(",", 1)[1])
-        if self.folder is None:
-            raise ValueError(f"buffer {number} lies in another file")
-        return (self.folder / uri).read_bytes()
+        raise ValueError(f"buffer {number} lies in another file")
 
 
 def _evaluate_node(
@@ -251,7 +200,7 @@ def _evaluate_node(
         path: _sample_channel(*animated[path], times_s, path == "rotation")
         if path in animated
         else np.tile(np.asarray(node.get(path) or defaults[path], np.float64), (len(times_s), 1))
-        for path in _PATHS
+        for path in PATHS
     }
     local_matrices = np.tile(np.eye(4), (len(times_s), 1, 1))
     local_matrices[:, :3, :3] = to_matrices(pose["rotation"]) * pose["scale"][:, None, :]
@@ -335,9 +284,7 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
             case "CHANNELS":
                 channels = [next(words) for _ in range(int(next(words)))]
                 if stack[-1] is None:  # of an End Site: numbers that turn no joint
-                    joints.append(
-                        (_SITE, next(joint for joint in reversed(stack) if joint is not None), np.zeros(3), channels)
-                    )
+                    joints.append((_SITE, next(n for n in reversed(stack) if n is not None), np.zeros(3), channels))
                 else:
                     joints[stack[-1]][3].extend(channels)
             case "}":
@@ -352,9 +299,7 @@ def _parse_bvh(content: bytes) -> tuple[list[tuple[str, int | None, np.ndarray, 
     numbers = np.array(motion[match.end() :].split(), np.float64)
     without_sites = sum(len(channels) for name, *_, channels in joints if name != _SITE)
     if len(motion[match.end() :].lstrip().partition("\n")[0].split()) == without_sites:
-        joints = [
-            (name, parent, offset, channels if name != _SITE else []) for name, parent, offset, channels in joints
-        ]
+        joints = [row if row[0] != _SITE else (*row[:3], []) for row in joints]
     return joints, numbers.reshape(int(match[1]), sum(len(row[3]) for row in joints)), float(match[2])
 
 

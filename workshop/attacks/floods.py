@@ -13,20 +13,22 @@ import json
 import multiprocessing
 import os
 import socket
-import struct
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from multiprocessing.connection import Connection
+from contextlib import ExitStack, suppress
+from functools import partial
+from itertools import chain, cycle, islice
 from urllib.parse import urlsplit
 
+import httpx
 from websockets.exceptions import ConnectionClosed, InvalidMessage
 from websockets.sync.client import connect
 
-from service_callers import WORDS, CallerRecord, call_again, play_paced_stream, start_service, watch_health
+import service_callers as callers
+from service_callers import WORDS, CallerRecord, encode_word, get_stream_address
 
 _SECONDS = 10.0
 """Greatest length of a flood, s."""
@@ -34,16 +36,13 @@ _REST_S = 2.0
 """Time that callers are watched before and after a flood, s."""
 _N_STREAMS = 4
 _MB = 1_000_000
-_LIMIT = 60 * _MB
-"""Greatest size of a flood, bytes."""
+_OTHER = ("127.0.0.2", 0)
+"""Another address than that of honest callers."""
 
 Flood = Callable[[str, int, float], str]
 
 
-def _make_request_head(path: str = "/healthz") -> bytes:
-    return f"GET {path} HTTP/1.1\r\nHost: localhost\r\n".encode()
-
-
+_GET = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n"
 _POST = b"POST /v1/sentence HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 _CHUNKED = _POST + b"Transfer-Encoding: chunked\r\n\r\n"
 _UPGRADE = (
@@ -52,39 +51,27 @@ _UPGRADE = (
 )
 
 
-def _encode_frame(opcode: int, payload: bytes = b"", fin: bool = True) -> bytes:
-    """Returns a frame as a client sends it, masked with zeros."""
-    size = bytes([0x80 | len(payload)]) if len(payload) < 126 else struct.pack("!BH", 0x80 | 126, len(payload))
-    return bytes([(0x80 if fin else 0) | opcode]) + size + bytes(4) + payload
-
-
-def _repeat_block(block: bytes, n_bytes: int = _LIMIT) -> Iterator[bytes]:
-    piece = block * max(1, 65536 // len(block))
-    for _ in range(n_bytes // len(piece)):
-        yield piece
+def _encode_frame(opcode: int, payload: bytes = b"", fin: int = 0x80) -> bytes:
+    """Returns a frame of at most 125 bytes as a client sends it, masked with zeros."""
+    return bytes([fin | opcode, 0x80 | len(payload)]) + bytes(4) + payload
 
 
 def _send(
-    host: str,
-    port: int,
-    deadline: float,
-    head: bytes,
-    parts: Iterator[bytes],
-    pause: float = 0.0,
-    first_frame: bytes = b"",
-) -> str:
-    """Sends parts over one connection, after ``first_frame``; returns the amount sent and the end of the connection."""
+    head: bytes, block: bytes, host: str, port: int, deadline: float, *, pause: float = 0.0, first_frame: bytes = b"",
+    limit: int = 60 * _MB,
+) -> str:  # fmt: skip
+    """Sends a head and blocks over one connection, one after each pause or many at once, of ``limit`` bytes at most;
+    returns the amount sent and the end of the connection. ``first_frame``: sent before the blocks of a WebSocket.
+    """
     sent, start = 0, time.monotonic()
-    connection = socket.create_connection((host, port), timeout=max(1.0, deadline - time.monotonic()))
-    with connection:
+    part = block if pause else block * max(1, 65536 // len(block))
+    with socket.create_connection((host, port), timeout=max(1.0, deadline - time.monotonic())) as connection:
         try:
             connection.sendall(head)
             if head is _UPGRADE:  # a client may send frames when it has the answer
                 connection.recv(4096)
                 connection.sendall(first_frame)
-            for part in parts:
-                if time.monotonic() > deadline:
-                    break
+            while sent < limit and time.monotonic() <= deadline:
                 connection.sendall(part)
                 sent += len(part)
                 time.sleep(pause)
@@ -104,42 +91,26 @@ def _send(
     return f"{sent / _MB:.1f} MB, {ending}" + (f" ({line})" if line else "")
 
 
-def _flood_request(head: bytes, block: bytes) -> Flood:
-    return lambda host, port, deadline: _send(host, port, deadline, head, _repeat_block(block))
-
-
-def _flood_stream(block: bytes, first_frame: bytes = b"") -> Flood:
-    return lambda host, port, deadline: _send(
-        host, port, deadline, _UPGRADE, _repeat_block(block), first_frame=first_frame
-    )
-
-
-def _drip_request(head: bytes, block: bytes) -> Flood:
-    return lambda host, port, deadline: _send(host, port, deadline, head, iter([block] * 200), pause=0.1)
-
-
 def _open_many_connections(host: str, port: int, deadline: float) -> str:
     """Opens 1,200 connections from another address, each with an unfinished head."""
-    connections: list[socket.socket] = []
-    try:
+    with ExitStack() as stack:
+        connections: list[socket.socket] = []
         for _ in range(1200):
             with suppress(OSError):
-                connections.append(socket.create_connection((host, port), timeout=2.0, source_address=("127.0.0.2", 0)))
-                connections[-1].sendall(_make_request_head())
+                connection = socket.create_connection((host, port), timeout=2.0, source_address=_OTHER)
+                connections.append(stack.enter_context(connection))
+                connection.sendall(_GET)
         time.sleep(max(0.0, deadline - time.monotonic()))
-        n_open = n_refused = 0
+        n_open = 0
         for connection in connections:
             connection.settimeout(0.0)
-            try:
-                n_refused += connection.recv(4096).startswith(b"HTTP/1.1 503")
-            except BlockingIOError:
-                n_open += 1
-            except OSError:
-                n_refused += 1
+            with suppress(OSError):
+                try:
+                    connection.recv(4096)
+                except BlockingIOError:
+                    n_open += 1
+        n_refused = len(connections) - n_open
         return f"{len(connections)} connections, {n_refused} refused, {n_open} open at the end"
-    finally:
-        for connection in connections:
-            connection.close()
 
 
 def _flood_repeatedly(host: str, port: int, deadline: float) -> str:
@@ -147,13 +118,7 @@ def _flood_repeatedly(host: str, port: int, deadline: float) -> str:
     n_connections = 0
     while time.monotonic() < deadline:
         with suppress(OSError):
-            _send(
-                host,
-                port,
-                min(deadline, time.monotonic() + 1.0),
-                _make_request_head() + b"X: ",
-                _repeat_block(b"a", 2 * _MB),
-            )
+            _send(_GET + b"X: ", b"a", host, port, min(deadline, time.monotonic() + 1.0), limit=2 * _MB)
         n_connections += 1
     return f"{n_connections} connections, one after another"
 
@@ -164,14 +129,14 @@ def _make_post(glosses: Sequence[str], file: str) -> bytes:
     return head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
 
 
-def _ask_at_once(request: bytes, n: int = 32) -> Flood:
-    """Asks for the same on so many connections of one other address, again after each answer."""
+def _ask_at_once(request: bytes, host: str, port: int, deadline: float) -> str:
+    """Asks for the same on 32 connections of one other address, again after each answer."""
 
     def ask(host: str, port: int, deadline: float) -> list[str]:
         outcomes: list[str] = []
         while (remaining := deadline - time.monotonic()) > 0.0:
             try:
-                with socket.create_connection((host, port), remaining, ("127.0.0.2", 0)) as connection:
+                with socket.create_connection((host, port), remaining, _OTHER) as connection:
                     connection.sendall(request)
                     outcomes.append(connection.recv(12)[9:].decode() or "closed")
                     time.sleep(0.05)
@@ -179,162 +144,130 @@ def _ask_at_once(request: bytes, n: int = 32) -> Flood:
                 outcomes.append("no answer" if isinstance(error, TimeoutError) else "closed")
         return outcomes
 
-    def flood(host: str, port: int, deadline: float) -> str:
-        with ThreadPoolExecutor(n) as pool:
-            calls = [pool.submit(ask, host, port, deadline) for _ in range(n)]
-            counts = Counter(outcome for call in calls for outcome in call.result())
-        forgotten = _time_until_forgotten(host, port)
-        return ", ".join(f"{count} times {outcome}" for outcome, count in counts.items()) + f"; {forgotten}"
-
-    return flood
+    with ThreadPoolExecutor(32) as pool:
+        counts = Counter(chain(*pool.map(ask, [host] * 32, [port] * 32, [deadline] * 32)))
+    forgotten = _time_until_forgotten(host, port)
+    return ", ".join(f"{count} times {outcome}" for outcome, count in counts.items()) + f"; {forgotten}"
 
 
 def _time_until_forgotten(host: str, port: int) -> str:
     """Returns how long requests remain that nobody waits for any more; HELLO of others is one at a time at most."""
     start = time.monotonic()
     while time.monotonic() - start < 60.0:
-        with socket.create_connection((host, port), timeout=10.0) as connection:
-            connection.sendall(_make_request_head() + b"Connection: close\r\n\r\n")
-            answer = b""
-            while part := connection.recv(4096):
-                answer += part
-        if json.loads(answer.partition(b"\r\n\r\n")[2])["waiting"] <= 1:
+        if httpx.get(f"http://{host}:{port}/healthz", timeout=10.0).json()["waiting"] <= 1:
             return f"forgotten after {time.monotonic() - start:.1f} s"
         time.sleep(0.02)
     return "held after 60 s"
 
 
-def _hang_up_at_once(addresses: Sequence[str], *requests: bytes) -> Flood:
+def _hang_up_at_once(addresses: Sequence[str], content: bytes, host: str, port: int, deadline: float) -> str:
     """Opens 16 connections that send requests and hang up, whenever the last ones are forgotten."""
-
-    def flood(host: str, port: int, deadline: float) -> str:
-        outcomes = []
-        while time.monotonic() < deadline:
-            connections = []
+    outcomes = []
+    while time.monotonic() < deadline:
+        with ExitStack() as stack:
             for k in range(16):
                 source = (addresses[k % len(addresses)], 0)
-                connections.append(socket.create_connection((host, port), timeout=10.0, source_address=source))
-                connections[-1].sendall(b"".join(requests))
+                connection = socket.create_connection((host, port), timeout=10.0, source_address=source)
+                stack.enter_context(connection).sendall(content)
             time.sleep(0.5)
-            for connection in connections:
-                connection.close()
-            outcomes.append(_time_until_forgotten(host, port))
-        return f"{len(outcomes)} times 16, {max(outcomes)}"
-
-    return flood
+        outcomes.append(_time_until_forgotten(host, port))
+    return f"{len(outcomes)} times 16, {max(outcomes)}"
 
 
-def _stream_at_once(words: Sequence[str], n: int = 50) -> Flood:
-    """Reads so many unpaced streams of one other address, and opens the next one when one is done."""
+def _stream_at_once(words: Sequence[str], host: str, port: int, deadline: float) -> str:
+    """Reads 50 unpaced streams of one other address, and opens the next one when one is done."""
 
     def read(uri: str, deadline: float) -> int:
         n_frames = 0
         while time.monotonic() < deadline:
             with (
                 suppress(ConnectionClosed, InvalidMessage, OSError, TimeoutError),
-                connect(uri, compression=None, max_size=None, source_address=("127.0.0.2", 0)) as stream,
+                connect(uri, source_address=_OTHER, **callers.STREAM_OPTIONS) as stream,
             ):
                 stream.send('{"type": "open", "paced": false}')
-                for k in range(30):
-                    stream.send(json.dumps({"type": "word", "gloss": words[k % len(words)]}))
+                for gloss in islice(cycle(words), 30):
+                    stream.send(encode_word(gloss))
                 stream.send('{"type": "end"}')
                 while time.monotonic() < deadline:
                     message = stream.recv(timeout=10.0)
                     n_frames += int.from_bytes(message[8:12], "little") if isinstance(message, bytes) else 0
         return n_frames
 
-    def flood(host: str, port: int, deadline: float) -> str:
-        with ThreadPoolExecutor(n) as pool:
-            calls = [pool.submit(read, f"ws://{host}:{port}/v1/stream", deadline) for _ in range(n)]
-            return f"{sum(call.result() for call in calls)} frames"
-
-    return flood
+    address = get_stream_address(f"http://{host}:{port}")
+    with ThreadPoolExecutor(50) as pool:
+        return f"{sum(pool.map(read, [address] * 50, [deadline] * 50))} frames"
 
 
 _FILM, _SENTENCE = _make_post(WORDS * 7, "gif"), _make_post(WORDS * 4, "bvh")
-_FORMS = [
-    f"{subject}-{verb}-{thing}" for verb in ("GIVE", "ASK") for subject, thing in ((1, 2), (2, 1), (1, 3), (3, 1))
-]
+_FORMS = ["1-GIVE-2", "2-GIVE-1", "1-GIVE-3", "3-GIVE-1", "1-ASK-2", "2-ASK-1", "1-ASK-3", "3-ASK-1"]
 _ADDRESSES = [f"127.0.0.{k}" for k in range(2, 18)]
 
 FLOODS: dict[str, Flood] = {
     "none": lambda host, port, deadline: "",
-    "endless header value": _flood_request(_make_request_head() + b"X: ", b"a"),
-    "endless URL": _flood_request(b"GET /", b"a"),
-    "many headers": _flood_request(_make_request_head(), b"X-T: aaaaaaaaaa\r\n"),
-    "endless chunk trailer": _flood_request(_CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
-    "endless trailer behind an answer": _flood_request(
-        _make_request_head() + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"
-    ),
-    "endless chunk extension": _flood_request(_CHUNKED + b"2;", b"a"),
-    "chunks of one byte": _flood_request(_CHUNKED, b"1\r\n \r\n"),
-    "pipelined requests": _flood_request(b"", _make_request_head() + b"\r\n"),
-    "WebSocket pings": _flood_stream(_encode_frame(9)),
-    "WebSocket pings of 125 bytes": _flood_stream(_encode_frame(9, bytes(125))),
-    "WebSocket pongs": _flood_stream(_encode_frame(10)),
-    "WebSocket fragments": _flood_stream(_encode_frame(0, fin=False), _encode_frame(1, b"{", fin=False)),
-    "WebSocket messages": _flood_stream(_encode_frame(1, b"{}")),
-    "WebSocket words": _flood_stream(
-        _encode_frame(1, b'{"type": "word", "gloss": "-"}'), _encode_frame(1, b'{"type": "open"}')
-    ),
-    "slow head": _drip_request(_make_request_head() + b"X: ", b"a"),
-    "slow body": _drip_request(_POST + b"Content-Length: 1000\r\n\r\n", b" "),
-    "slow trailer": _drip_request(_CHUNKED + b"0\r\n", b"X: a\r\n"),
+    "endless header value": partial(_send, _GET + b"X: ", b"a"),
+    "endless URL": partial(_send, b"GET /", b"a"),
+    "many headers": partial(_send, _GET, b"X-T: aaaaaaaaaa\r\n"),
+    "endless chunk trailer": partial(_send, _CHUNKED + b"2\r\n{}\r\n0\r\n", b"X-T: aaaaaaaaaa\r\n"),
+    "endless trailer behind an answer": partial(_send, _GET + b"Transfer-Encoding: chunked\r\n\r\n0\r\nX: ", b"a"),
+    "endless chunk extension": partial(_send, _CHUNKED + b"2;", b"a"),
+    "chunks of one byte": partial(_send, _CHUNKED, b"1\r\n \r\n"),
+    "pipelined requests": partial(_send, b"", _GET + b"\r\n"),
+    "WebSocket pings": partial(_send, _UPGRADE, _encode_frame(9)),
+    "WebSocket pings of 125 bytes": partial(_send, _UPGRADE, _encode_frame(9, bytes(125))),
+    "WebSocket pongs": partial(_send, _UPGRADE, _encode_frame(10)),
+    "WebSocket fragments": partial(_send, _UPGRADE, _encode_frame(0, fin=0), first_frame=_encode_frame(1, b"{", fin=0)),
+    "WebSocket messages": partial(_send, _UPGRADE, _encode_frame(1, b"{}")),
+    "WebSocket words": partial(_send, _UPGRADE, _encode_frame(1, encode_word("-").encode()),
+                              first_frame=_encode_frame(1, b'{"type": "open"}')),
+    "slow head": partial(_send, _GET + b"X: ", b"a", pause=0.1),
+    "slow body": partial(_send, _POST + b"Content-Length: 1000\r\n\r\n", b" ", pause=0.1),
+    "slow trailer": partial(_send, _CHUNKED + b"0\r\n", b"X: a\r\n", pause=0.1),
     "many connections": _open_many_connections,
     "flood after flood": _flood_repeatedly,
-    "32 films of 160 glosses": _ask_at_once(_make_post((WORDS * 23)[:160], "gif")),
-    "32 films of 49 glosses": _ask_at_once(_FILM),
-    "32 sheets of 49 glosses": _ask_at_once(_make_post(WORDS * 7, "png")),
-    "32 sentences of 28 glosses": _ask_at_once(_SENTENCE),
-    "32 sentences of forms": _ask_at_once(_make_post(_FORMS, "bvh")),
-    "films, clients hang up": _hang_up_at_once(["127.0.0.2"], _FILM),
-    "films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM),
-    "pipelined films, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _FILM, _FILM, _FILM),
-    "sentences, clients of 16 addresses hang up": _hang_up_at_once(_ADDRESSES, _SENTENCE),
-    "50 unpaced streams": _stream_at_once(WORDS),
-    "50 unpaced streams of forms": _stream_at_once(_FORMS),
-}
+    "32 films of 160 glosses": partial(_ask_at_once, _make_post((WORDS * 23)[:160], "gif")),
+    "32 films of 49 glosses": partial(_ask_at_once, _FILM),
+    "32 sheets of 49 glosses": partial(_ask_at_once, _make_post(WORDS * 7, "png")),
+    "32 sentences of 28 glosses": partial(_ask_at_once, _SENTENCE),
+    "32 sentences of forms": partial(_ask_at_once, _make_post(_FORMS, "bvh")),
+    "films, clients hang up": partial(_hang_up_at_once, ["127.0.0.2"], _FILM),
+    "films, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, _FILM),
+    "pipelined films, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, 3 * _FILM),
+    "sentences, clients of 16 addresses hang up": partial(_hang_up_at_once, _ADDRESSES, _SENTENCE),
+    "50 unpaced streams": partial(_stream_at_once, WORDS),
+    "50 unpaced streams of forms": partial(_stream_at_once, _FORMS),
+}  # fmt: skip
 
 
-def _attack(name: str, host: str, port: int, deadline: float, sender: Connection) -> None:
-    sender.send(FLOODS[name](host, port, deadline))
+def _attack(name: str, host: str, port: int, start: float, end: float) -> str:
+    time.sleep(max(0.0, start - time.monotonic()))
+    return FLOODS[name](host, port, end)
 
 
 async def _measure_flood(address: str, name: str) -> tuple[str, str]:
     """Returns what honest callers saw before and during a flood, and what the attacker did."""
-    url = urlsplit(address)
-    receiver, sender = multiprocessing.get_context("spawn").Pipe()
+    url, record = urlsplit(address), CallerRecord()
     start = time.monotonic() + 5.0  # the attacker's process and the streams start
     end = start + _SECONDS
-    record = CallerRecord()
-    arguments = (name, url.hostname, url.port, end, sender)
-    attacker = multiprocessing.get_context("spawn").Process(target=_attack_at, args=(start, *arguments), daemon=True)
-    attacker.start()
-    callers = [play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
-    callers += [watch_health(address, record, end + _REST_S), call_again(address, record, end + _REST_S)]
-    await asyncio.gather(*callers)
-    attacker_outcome = (
-        await asyncio.to_thread(receiver.recv) if await asyncio.to_thread(receiver.poll, 70.0) else "the attacker hangs"
-    )
-    attacker.kill()
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        attacker = pool.apply_async(_attack, (name, url.hostname, url.port, start, end))
+        honest = [callers.play_paced_stream(address, record, end + _REST_S, number) for number in range(_N_STREAMS)]
+        honest += [call(address, record, end + _REST_S) for call in (callers.watch_health, callers.call_again)]
+        await asyncio.gather(*honest)
+        try:
+            attacker_outcome = await asyncio.to_thread(attacker.get, 70.0)
+        except multiprocessing.TimeoutError:
+            attacker_outcome = "the attacker hangs"
     return record.row(start, end), attacker_outcome
-
-
-def _attack_at(start: float, *arguments: object) -> None:
-    time.sleep(max(0.0, start - time.monotonic()))
-    _attack(*arguments)  # type: ignore[arg-type]
 
 
 def main(names: list[str]) -> None:
     """Prints a row for each flood, after a run that is not measured: the first one loads files into memory."""
-    with start_service() as (address, _):
-        asyncio.run(_measure_flood(address, "none"))
     print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
-    for name in names or FLOODS:
-        with start_service() as (address, _):
-            asyncio.run(watch_health(address, CallerRecord(), 0.0))  # returns once workers have started
+    for number, name in enumerate(["none", *(names or FLOODS)]):
+        with callers.start_service() as address:
             seen, attacker_outcome = asyncio.run(_measure_flood(address, name))
-            print(f"| {name} | {seen}; the attacker: {attacker_outcome or '-'} |", flush=True)
+            if number:
+                print(f"| {name} | {seen}; the attacker: {attacker_outcome or '-'} |", flush=True)
 
 
 if __name__ == "__main__":

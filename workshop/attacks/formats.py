@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 import evaluators
+from fuzz_trees import join_glb
 from signsplice import formats
 from signsplice.errors import InputError
 from signsplice.motion import kinematics
@@ -80,11 +81,7 @@ class GltfDraft:
         document = {"asset": {"version": "2.0"}, "nodes": self.nodes, "animations": animations, "buffers": [buffer],
                 "bufferViews": views, "accessors": accessors, **self.properties}  # fmt: skip
         text = json.dumps(document).encode()
-        if not self.is_binary:
-            return text
-        text += b" " * (-len(text) % 4)
-        chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+        return join_glb({"0.json": text, "1.bin": bytes(blob)}) if self.is_binary else text
 
 
 def draw_quats(rng: Rng, *shape: int) -> np.ndarray:
@@ -97,11 +94,9 @@ def draw_rotation_keys(rng: Rng, n: int, kind: str = "LINEAR") -> np.ndarray:
     """Returns keys of a rotation: quaternions (n, 4) that move by small steps, with tangents (n, 3, 4) for splines."""
     quaternions = draw_quats(rng, 1) + 0.1 * rng.normal(size=(n, 4)).cumsum(axis=0)
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-    return (
-        quaternions
-        if kind != "CUBICSPLINE"
-        else np.stack([rng.normal(size=quaternions.shape), quaternions, rng.normal(size=quaternions.shape)], 1)
-    )
+    if kind != "CUBICSPLINE":
+        return quaternions
+    return np.stack([rng.normal(size=(n, 4)), quaternions, rng.normal(size=(n, 4))], 1)
 
 
 def draw_skeleton(rng: Rng, kind: str = "LINEAR", times: np.ndarray | None = None) -> GltfDraft:
@@ -119,92 +114,63 @@ def draw_skeleton(rng: Rng, kind: str = "LINEAR", times: np.ndarray | None = Non
     return GltfDraft(nodes, [*channels, (0, "translation", times, translations, kind)], is_binary=bool(rng.integers(2)))
 
 
-def with_matrix(change: Callable[[Rng], np.ndarray], is_above: bool = False) -> Callable[[Rng], GltfDraft]:
+def with_matrix(change: Callable[[Rng], np.ndarray], is_above: bool, rng: Rng) -> GltfDraft:
     """Makes files in which a node has a matrix, a rotation times ``change``: the branch, or with ``is_above`` one above
     the skeleton.
     """
-
-    def make(rng: Rng) -> GltfDraft:
-        draft = draw_skeleton(rng)
-        matrix = np.eye(4)
-        matrix[:3, :3] = evaluators.to_matrices(draw_quats(rng, 1))[0] @ change(rng)
-        matrix[:3, 3] = rng.normal(size=3)
-        fields = {"matrix": matrix.T.ravel().tolist()}
-        if is_above:
-            draft.nodes.append({"name": "armature", "children": [0], **fields})
-        else:
-            draft.nodes[-1] = {"name": "branch", "children": [len(draft.nodes)], **fields}
-            draft.nodes.append({"name": "tip", "translation": rng.normal(size=3).tolist()})
-        return draft
-
-    return make
-
-
-def with_node(**fields: Any) -> Callable[[Rng], GltfDraft]:
-    """Makes files whose branch has a tip and these fields."""
-
-    def make(rng: Rng) -> GltfDraft:
-        draft = draw_skeleton(rng)
-        draft.nodes[-1].update(fields, children=[len(draft.nodes)])
+    draft = draw_skeleton(rng)
+    matrix = np.eye(4)
+    matrix[:3, :3] = evaluators.to_matrices(draw_quats(rng, 1))[0] @ change(rng)
+    matrix[:3, 3] = rng.normal(size=3)
+    fields = {"matrix": matrix.T.ravel().tolist()}
+    if is_above:
+        draft.nodes.append({"name": "armature", "children": [0], **fields})
+    else:
+        draft.nodes[-1] = {"name": "branch", "children": [len(draft.nodes)], **fields}
         draft.nodes.append({"name": "tip", "translation": rng.normal(size=3).tolist()})
-        return draft
-
-    return make
+    return draft
 
 
-def with_properties(**properties: Any) -> Callable[[Rng], GltfDraft]:
+def with_node(fields: dict[str, Any], rng: Rng) -> GltfDraft:
+    """Makes files whose branch has a tip and these fields."""
+    draft = draw_skeleton(rng)
+    draft.nodes[-1].update(fields, children=[len(draft.nodes)])
+    draft.nodes.append({"name": "tip", "translation": rng.normal(size=3).tolist()})
+    return draft
+
+
+def with_properties(properties: dict[str, Any], rng: Rng) -> GltfDraft:
     """Makes files with further properties of the document."""
-    return lambda rng: replace(draw_skeleton(rng), properties=properties)
+    return replace(draw_skeleton(rng), properties=properties)
 
 
-def with_interpolation(kind: str) -> Callable[[Rng], GltfDraft]:
-    """Makes files whose keys have this interpolation."""
-    return lambda rng: draw_skeleton(rng, kind)
-
-
-def with_uneven_keys(kind: str) -> Callable[[Rng], GltfDraft]:
+def with_uneven_keys(kind: str, rng: Rng) -> GltfDraft:
     """Makes files whose keys lie at random times, different for each joint."""
 
-    def make(rng: Rng) -> GltfDraft:
-        def times() -> np.ndarray:
-            return rng.uniform(0.01, 0.09, int(rng.integers(4, 20))).cumsum()
+    def times() -> np.ndarray:
+        return rng.uniform(0.01, 0.09, int(rng.integers(4, 20))).cumsum()
 
-        draft = draw_skeleton(rng, kind, times())
-        for k, (node, path, keys, values, _) in enumerate(draft.channels):
-            if path == "rotation" and rng.random() < 0.5:
-                keys = times()
-                values = draw_rotation_keys(rng, len(keys), kind)
-            draft.channels[k] = node, path, keys, values, kind
-        return draft
-
-    return make
+    draft = draw_skeleton(rng, kind, times())
+    for k, (node, path, keys, values, _) in enumerate(draft.channels):
+        if path == "rotation" and rng.random() < 0.5:
+            keys = times()
+            values = draw_rotation_keys(rng, len(keys), kind)
+        draft.channels[k] = node, path, keys, values, kind
+    return draft
 
 
-def with_fps(fps: float | None) -> Callable[[Rng], GltfDraft]:
+def with_fps(fps: float | None, rng: Rng) -> GltfDraft:
     """Makes files whose extras name a frame rate; None: that of their keys."""
-
-    def make(rng: Rng) -> GltfDraft:
-        draft = draw_skeleton(rng)
-        return replace(draft, extras={"fps": fps or 1.0 / np.diff(draft.channels[0][2]).mean()})
-
-    return make
+    draft = draw_skeleton(rng)
+    return replace(draft, extras={"fps": fps or 1.0 / np.diff(draft.channels[0][2]).mean()})
 
 
-def with_two_animations(rng: Rng) -> GltfDraft:
-    """Makes a file of two animations."""
-    return replace(draw_skeleton(rng), further_animations=[draw_skeleton(rng).channels[:4]])
-
-
-def with_scale_keys(last: float) -> Callable[[Rng], GltfDraft]:
+def with_scale_keys(last: float, rng: Rng) -> GltfDraft:
     """Makes files in which keys scale a joint by 1.5, and in the end by ``last``."""
-
-    def make(rng: Rng) -> GltfDraft:
-        draft = draw_skeleton(rng)
-        times = draft.channels[0][2]
-        sizes = np.linspace(1.5, last, len(times))[:, None].repeat(3, axis=1)
-        return replace(draft, channels=[*draft.channels, (1, "scale", times, sizes, "LINEAR")])
-
-    return make
+    draft = draw_skeleton(rng)
+    times = draft.channels[0][2]
+    sizes = np.linspace(1.5, last, len(times))[:, None].repeat(3, axis=1)
+    return replace(draft, channels=[*draft.channels, (1, "scale", times, sizes, "LINEAR")])
 
 
 def with_skin(rng: Rng) -> GltfDraft:
@@ -216,26 +182,22 @@ def with_skin(rng: Rng) -> GltfDraft:
     return replace(draft, properties={"skins": [{"joints": sorted({1, n - 2, n - 1})}]})
 
 
-def with_frame_times(*frame_times: str) -> Callable[[Rng], bytes]:
+def with_frame_times(frame_times: Sequence[str], rng: Rng) -> bytes:
     """Makes BVH files of a random skeleton with one of these Frame Times."""
-
-    def make(rng: Rng) -> bytes:
-        n, n_frames = int(rng.integers(3, 9)), int(rng.integers(2, 12))
-        lines, width = ["HIERARCHY"], 0
-        for k in range(n):
-            channels = [f"{'XYZ'[axis]}rotation" for axis in rng.permutation(3)]
-            if k == 0 or rng.random() < 0.3:
-                position_channels = [f"{'XYZ'[axis]}position" for axis in rng.permutation(3)]
-                channels = channels + position_channels if rng.random() < 0.5 else position_channels + channels
-            width += len(channels)
-            lines += [f"{'JOINT' if k else 'ROOT'} j{k} {{", f"OFFSET {' '.join(map(str, rng.normal(size=3)))}"]
-            lines.append(f"CHANNELS {len(channels)} {' '.join(channels)}")
-        lines += ["End Site {", "OFFSET 0 1 0", "}", *"}" * n, "MOTION", f"Frames: {n_frames}"]
-        lines.append(f"Frame Time: {rng.choice(frame_times)}")
-        rows = rng.uniform(-180, 180, (n_frames, width))
-        return "\n".join([*lines, *(" ".join(map(str, row)) for row in rows), ""]).encode()
-
-    return make
+    n, n_frames = int(rng.integers(3, 9)), int(rng.integers(2, 12))
+    lines, width = ["HIERARCHY"], 0
+    for k in range(n):
+        channels = [f"{'XYZ'[axis]}rotation" for axis in rng.permutation(3)]
+        if k == 0 or rng.random() < 0.3:
+            position_channels = [f"{'XYZ'[axis]}position" for axis in rng.permutation(3)]
+            channels = channels + position_channels if rng.random() < 0.5 else position_channels + channels
+        width += len(channels)
+        lines += [f"{'JOINT' if k else 'ROOT'} j{k} {{", f"OFFSET {' '.join(map(str, rng.normal(size=3)))}"]
+        lines.append(f"CHANNELS {len(channels)} {' '.join(channels)}")
+    lines += ["End Site {", "OFFSET 0 1 0", "}", *"}" * n, "MOTION", f"Frames: {n_frames}"]
+    lines.append(f"Frame Time: {rng.choice(frame_times)}")
+    rows = rng.uniform(-180, 180, (n_frames, width))
+    return "\n".join([*lines, *(" ".join(map(str, row)) for row in rows), ""]).encode()
 
 
 def _draw_shear(rng: Rng) -> np.ndarray:
@@ -249,41 +211,46 @@ def _draw_scale(rng: Rng) -> np.ndarray:
 
 
 KINDS: dict[str, tuple[str, Callable[[Rng], GltfDraft | bytes]]] = {
-    "linear keys": ("exact", with_interpolation("LINEAR")),
-    "step keys": ("exact", with_interpolation("STEP")),
-    "spline keys": ("exact", with_interpolation("CUBICSPLINE")),
-    "keys at uneven times, linear": ("exact", with_uneven_keys("LINEAR")),
-    "keys at uneven times, step": ("exact", with_uneven_keys("STEP")),
-    "keys at uneven times, spline": ("exact", with_uneven_keys("CUBICSPLINE")),
-    "interpolation BEZIER": ("refused", with_interpolation("BEZIER")),
-    "`matrix` of rotation and one scale": ("exact", with_matrix(_draw_scale)),
-    "the same above the skeleton": ("exact", with_matrix(_draw_scale, is_above=True)),
-    "`matrix` with a mirror": ("refused", with_matrix(lambda rng: np.diag(rng.permutation([-1.0, 1.0, 1.0])))),
-    "`matrix` with a point mirror": ("refused", with_matrix(lambda rng: -_draw_scale(rng))),
-    "`matrix` with shear": ("refused", with_matrix(_draw_shear)),
-    "`matrix` with uneven scale": ("refused", with_matrix(lambda rng: np.diag(rng.uniform(0.1, 2.0, 3)))),
-    "shear above the skeleton": ("refused", with_matrix(_draw_shear, is_above=True)),
-    "`scale` of one size": ("exact", with_node(scale=[1.7, 1.7, 1.7])),
-    "`scale`, uneven": ("refused", with_node(scale=[1.0, 1.3, 1.0])),
-    "`scale`, mirrored": ("refused", with_node(scale=[-1.0, 1.0, 1.0])),
-    "`scale` by keys, one size": ("exact", with_scale_keys(1.5)),
-    "`scale` by keys, growing": ("refused", with_scale_keys(2.0)),
+    "linear keys": ("exact", partial(draw_skeleton, kind="LINEAR")),
+    "step keys": ("exact", partial(draw_skeleton, kind="STEP")),
+    "spline keys": ("exact", partial(draw_skeleton, kind="CUBICSPLINE")),
+    "keys at uneven times, linear": ("exact", partial(with_uneven_keys, "LINEAR")),
+    "keys at uneven times, step": ("exact", partial(with_uneven_keys, "STEP")),
+    "keys at uneven times, spline": ("exact", partial(with_uneven_keys, "CUBICSPLINE")),
+    "interpolation BEZIER": ("refused", partial(draw_skeleton, kind="BEZIER")),
+    "`matrix` of rotation and one scale": ("exact", partial(with_matrix, _draw_scale, False)),
+    "the same above the skeleton": ("exact", partial(with_matrix, _draw_scale, True)),
+    "`matrix` with a mirror":
+        ("refused", partial(with_matrix, lambda rng: np.diag(rng.permutation([-1.0, 1.0, 1.0])), False)),
+    "`matrix` with a point mirror": ("refused", partial(with_matrix, lambda rng: -_draw_scale(rng), False)),
+    "`matrix` with shear": ("refused", partial(with_matrix, _draw_shear, False)),
+    "`matrix` with uneven scale":
+        ("refused", partial(with_matrix, lambda rng: np.diag(rng.uniform(0.1, 2.0, 3)), False)),
+    "shear above the skeleton": ("refused", partial(with_matrix, _draw_shear, True)),
+    "`scale` of one size": ("exact", partial(with_node, {"scale": [1.7, 1.7, 1.7]})),
+    "`scale`, uneven": ("refused", partial(with_node, {"scale": [1.0, 1.3, 1.0]})),
+    "`scale`, mirrored": ("refused", partial(with_node, {"scale": [-1.0, 1.0, 1.0]})),
+    "`scale` by keys, one size": ("exact", partial(with_scale_keys, 1.5)),
+    "`scale` by keys, growing": ("refused", partial(with_scale_keys, 2.0)),
     "a skin below an armature that moves": ("exact", with_skin),
-    "a required extension of nobody": ("refused", with_properties(extensionsRequired=["ACME_bones"])),
-    "a required extension of materials": ("exact", with_properties(extensionsRequired=["KHR_materials_unlit"])),
-    "`minVersion` 2.9": ("refused", with_properties(asset={"version": "2.9", "minVersion": "2.9"})),
-    "version 2.9 for readers of 2.0": ("exact", with_properties(asset={"version": "2.9", "minVersion": "2.0"})),
-    "two animations": ("warned", with_two_animations),
-    "`extras.fps` 7 of strangers": ("exact", with_fps(7)),
-    "`extras.fps` 1000 of strangers": ("exact", with_fps(1000)),
-    "`extras.fps` that keys confirm": ("exact", with_fps(None)),
-    "Frame Time of a usual rate": (
-        "exact",
-        with_frame_times("0.0333333", "0.041667", ".008333", "0.04", "0.0333667", "0.0167"),
+    "a required extension of nobody": ("refused", partial(with_properties, {"extensionsRequired": ["ACME_bones"]})),
+    "a required extension of materials":
+        ("exact", partial(with_properties, {"extensionsRequired": ["KHR_materials_unlit"]})),
+    "`minVersion` 2.9": ("refused", partial(with_properties, {"asset": {"version": "2.9", "minVersion": "2.9"}})),
+    "version 2.9 for readers of 2.0":
+        ("exact", partial(with_properties, {"asset": {"version": "2.9", "minVersion": "2.0"}})),
+    "two animations": (
+        "warned",
+        lambda rng: replace(draw_skeleton(rng), further_animations=[draw_skeleton(rng).channels[:4]]),
     ),
-    "Frame Time .07, .3, .06, .017": ("exact", with_frame_times(".07", ".3", ".06", ".017")),
-    "Frame Time .033, .0083, .042": ("warned", with_frame_times(".033", ".0083", ".042")),
-}
+    "`extras.fps` 7 of strangers": ("exact", partial(with_fps, 7)),
+    "`extras.fps` 1000 of strangers": ("exact", partial(with_fps, 1000)),
+    "`extras.fps` that keys confirm": ("exact", partial(with_fps, None)),
+    "Frame Time of a usual rate":
+        ("exact", partial(with_frame_times, ("0.0333333", "0.041667", ".008333", "0.04", "0.0333667", "0.0167"))),
+    "Frame Time .07, .3, .06, .017": ("exact", partial(with_frame_times, (".07", ".3", ".06", ".017"))),
+    "Frame Time .033, .0083, .042": ("warned", partial(with_frame_times, (".033", ".0083", ".042"))),
+}  # fmt: skip
 """Kind -> expected verdict, and the function that makes a file."""
 
 
@@ -297,36 +264,31 @@ def judge_file(content: bytes) -> str:
         clip = formats.parse(content, name)
     except InputError:
         return "refused"
-    positions = kinematics.forward(clip)[1]
     try:
-        names, expected, is_complete = (
-            _evaluate_bvh(content, clip.fps) if is_bvh else _evaluate_gltf(content, len(clip), clip.fps)
-        )
+        names, world, is_complete = (_evaluate_bvh if is_bvh else _evaluate_gltf)(content, len(clip), clip.fps)
     except evaluators.MustRefuseError:
         return "SILENT"
-    expected = expected[:, [names.index(joint) for joint in clip.skeleton.names]]
+    expected = world[..., :3, 3][:, [names.index(joint) for joint in clip.skeleton.names]]
+    positions, is_warned = kinematics.forward(clip)[1], bool(left_out_warnings(clip))
     fits = expected.shape == positions.shape and np.abs(expected - positions).max() < METRES
-    if not fits or not (is_complete or left_out_warnings(clip)):
-        return "SILENT"
-    return "warned" if left_out_warnings(clip) else "exact"
+    return "SILENT" if not (fits and (is_complete or is_warned)) else "warned" if is_warned else "exact"
 
 
 def _evaluate_gltf(content: bytes, n_frames: int, fps: float) -> tuple[list[str], np.ndarray, bool]:
-    """Returns names and positions of all nodes at the times of frames, and whether these show all that the file holds:
+    """Returns names and matrices of all nodes at the times of frames, and whether these show all that the file holds:
     its only animation, to the last key, and every key if keys are even.
     """
-    keys = evaluators.list_key_times(content)
+    file = evaluators.GltfFile(content)
+    keys = np.unique(np.concatenate([keys for (_, path), (keys, *_) in file.channels(0).items() if path != "scale"]))
     times = evaluators.compute_frame_times(keys, n_frames, fps)
     steps, off = np.diff(keys), np.abs(keys[:, None] - times).min(axis=1) * fps
     is_even = np.ptp(steps) < _EVEN * steps.mean()
-    joints = evaluators.locate_gltf_joints(content, times, near_s=_NEAR / fps)
-    return *joints, bool(
-        evaluators.count_animations(content) == 1 and off[-1] < _NEAR and (not is_even or off.max() < _OFF)
-    )
+    is_complete = len(file.json["animations"]) == 1 and off[-1] < _NEAR and (not is_even or off.max() < _OFF)
+    return *evaluators.evaluate_gltf(content, times, near_s=_NEAR / fps), bool(is_complete)
 
 
-def _evaluate_bvh(content: bytes, fps: float) -> tuple[list[str], np.ndarray, bool]:
-    return *evaluators.locate_bvh_joints(content), abs(evaluators.read_frame_time(content) * fps - 1.0) <= RATE
+def _evaluate_bvh(content: bytes, n_frames: int, fps: float) -> tuple[list[str], np.ndarray, bool]:
+    return *evaluators.evaluate_bvh(content), abs(evaluators.read_frame_time(content) * fps - 1.0) <= RATE
 
 
 def count_verdicts(kind: str, n: int) -> Counter[str]:

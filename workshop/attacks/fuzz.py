@@ -64,14 +64,7 @@ def main() -> int:
     seconds = int(60.0 * options.minutes * jobs / len(names)) if options.minutes else 0
     n_cases = options.cases or (-1 if options.minutes else 2000)
     flags = [f"-max_total_time={seconds}", f"-runs={n_cases}", f"-seed={options.seed + 1}", f"-timeout={MAX_WAIT_S}"]
-    flags += [
-        "-rss_limit_mb=0",
-        "-max_len=300000",
-        "-len_control=0",
-        "-keep_seed=1",
-        "-mutate_depth=2",
-        "-verbosity=0",
-    ]
+    flags += ["-rss_limit_mb=0", "-max_len=300000", "-len_control=0", "-keep_seed=1", "-mutate_depth=2", "-verbosity=0"]
     if options.child:
         further = [path.read_bytes() for path in sorted(options.seeds.iterdir())] if options.seeds else []
         return _run_child(names[0], options.child, flags, further, options.coverage)
@@ -91,14 +84,8 @@ def _fuzz(name: str) -> tuple[str, str]:
     path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])  # for avatars.py
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=base) as folder:
         counts = np.memmap(Path(folder) / "counts", "f8", "w+", shape=len(_COUNTS))
-        command = [
-            sys.executable,
-            __file__,
-            *(word for word in sys.argv[1:] if word not in NAMES),
-            "--child",
-            folder,
-            name,
-        ]
+        words = [word for word in sys.argv[1:] if word not in NAMES]
+        command = [sys.executable, __file__, *words, "--child", folder, name]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
         process = subprocess.run(command, capture_output=True, check=False, env=environment)
         cells = (f"{count:,.0f}" if number < 3 else f"{count:.2f}" for number, count in enumerate(counts))

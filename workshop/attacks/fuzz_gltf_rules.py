@@ -29,7 +29,7 @@ def check(content: bytes, joints: Iterable[int], is_warned: bool = False, has_an
     """Raises ``MustRefuseError`` if a file breaks a rule on nodes ``joints``, those above them, or their channels in
     the first animation, if one is read. is_warned: whether the reader named the channels that it left out.
     """
-    file = evaluators._GltfFile(content)
+    file = evaluators.GltfFile(content)
     _expect(_is_strict(content), "NaN or infinity in the JSON")
     nodes = file.json["nodes"]
     parents = {child: node for node, fields in enumerate(nodes) for child in fields.get("children") or ()}
@@ -69,7 +69,7 @@ def _list_channels(document: Fields, is_warned: bool) -> Iterator[tuple[tuple[in
         node, path = channel["target"].get("node"), channel["target"].get("path")
         is_known = path in _PATHS and (_is_index(node) or (node is None and path == "pointer"))
         _expect(is_known or is_warned, _LEFT_OUT)
-        if is_known and path in evaluators._PATHS:
+        if is_known and path in evaluators.PATHS:
             _expect(_is_index(channel["sampler"]), "a sampler's number")
             yield (node, path), animation["samplers"][channel["sampler"]]
 

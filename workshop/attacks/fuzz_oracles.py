@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from contextlib import suppress
 
 import numpy as np
 
@@ -68,7 +68,7 @@ def judge_gltf(content: bytes, clip: Clip) -> bool:
         with np.errstate(all="ignore"):
             nodes = _find_nodes(content, clip.skeleton.names)
             fuzz_gltf_rules.check(content, nodes, bool(left_out_warnings(clip)))
-            channels = evaluators._GltfFile(content).channels(0).items()
+            channels = evaluators.GltfFile(content).channels(0).items()
             keys = np.unique(np.concatenate([key_times for (node, path), (key_times, *_) in channels
                                              if node in nodes and path != "scale"]))  # fmt: skip
             times, frames = evaluators.compute_frame_times(keys, len(clip), clip.fps), _choose_frames(len(clip))
@@ -120,22 +120,18 @@ def judge_written(clip: Clip) -> bool:
 
 def judge_lexicon(truth: Mapping[str, Sequence[Clip]], loaded: lexicon.Lexicon) -> bool:
     """Judges every word by the clips that the lexicon was made from: ``truth``, gloss or synonym -> clips."""
+    clips: dict[str, Clip] = {}
     try:
         with lexicon.open(loaded.path) as opened:
-            clips = {name: _read_word(opened, name) for name in truth}
+            for name in truth:
+                with suppress(InputError):
+                    clips[name] = opened.clip(name)
     except InputError:
         return False
     for name, clip in clips.items():
-        if clip is not None and not any(_is_same(clip, true_clip) for true_clip in truth[name]):
+        if not any(_is_same(clip, true_clip) for true_clip in truth[name]):
             raise WrongMotionError(f"word {name} has another motion")
-    return any(clip is not None for clip in clips.values())
-
-
-def _read_word(words: lexicon.Lexicon, name: str) -> Clip | None:
-    try:
-        return words.clip(name)
-    except InputError:
-        return None
+    return bool(clips)
 
 
 def _is_same(first: Clip, second: Clip) -> bool:
@@ -159,7 +155,7 @@ def judge_avatar(content: bytes, avatar: Avatar) -> bool:
     except Exception:  # a broken file may raise anything
         return False
     positions = world[0, nodes, :3, 3] - world[0, nodes[0], :3, 3]
-    extensions = _parse_document(content).get("extensions") or {}
+    extensions = evaluators.GltfFile(content).json.get("extensions") or {}
     if "VRM" in extensions and "VRMC_vrm" not in extensions:
         positions = positions * [-1.0, 1.0, -1.0]
     read_positions = np.zeros((len(avatar), 3))
@@ -198,15 +194,10 @@ def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str) -> bo
     return True
 
 
-def _parse_document(content: bytes) -> dict[str, Any]:
-    """Returns the document of a glTF file."""
-    return evaluators._GltfFile(content).json
-
-
 def _find_nodes(content: bytes, names: Sequence[str]) -> list[int]:
     """Returns the nodes of joints by name. Raises ``ValueError`` if two nodes have the name of a joint."""
     nodes_by_name: dict[str, list[int]] = {}
-    for n, node in enumerate(_parse_document(content)["nodes"]):
+    for n, node in enumerate(evaluators.GltfFile(content).json["nodes"]):
         name = node.get("name")
         nodes_by_name.setdefault((name if isinstance(name, str) else "") or f"node {n}", []).append(n)
     return [node for name in names for (node,) in (nodes_by_name[name],)]

@@ -7,7 +7,6 @@ import gzip
 import hashlib
 import io
 import json
-import struct
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -22,7 +21,7 @@ from scipy.spatial import ConvexHull
 
 import avatars
 import signsplice as ss
-from fuzz_trees import join_glb, pack
+from fuzz_trees import join_glb, pack, split_glb
 from signsplice import formats, lexicon
 from signsplice.body.capsules import Avatar, BodyShape, MeshPart, build_capsules
 from signsplice.bulk import recipes
@@ -50,6 +49,11 @@ _JOINTS = (
     ("LeftFoot", 11, (0.0, -42.0, 0.0)), ("RightUpLeg", 0, (-10.0, -5.0, 0.0)), ("RightLeg", 13, (0.0, -42.0, 0.0)),
     ("RightFoot", 14, (0.0, -42.0, 0.0)),
 )  # fmt: skip
+
+
+def read_seeds(name: str) -> list[bytes]:
+    """Returns a file of the folder ``seeds``."""
+    return [Path(__file__).with_name("seeds").joinpath(name).read_bytes()]
 
 
 @cache
@@ -98,8 +102,8 @@ def make_smplx_seeds() -> list[bytes]:
 def make_gltf_seeds() -> list[bytes]:
     """Returns a .vrma, a .glb with a skin and one without, a .gltf with its buffer inside, and a .vrma with a face."""
     full_vrma, small_vrma = (formats.encode(make_clip(n_joints=n), "a.vrma") for n in (len(_JOINTS), 5))
-    size = struct.unpack_from("<I", small_vrma, 12)[0]
-    document, blob = json.loads(small_vrma[20 : 20 + size]), small_vrma[28 + size :]
+    text, blob = split_glb(small_vrma).values()
+    document = json.loads(text)
     for key in ("extensions", "extensionsUsed"):
         document.pop(key, None)
     bare_document = json.dumps(document).encode()
@@ -223,34 +227,6 @@ def make_bundle_seeds() -> list[bytes]:
     return [pack(files, compress=False), *[pack(small_files, compress=False)] * 15]
 
 
-SIGNS = b"""# two signs
-MOTHER  hands=one
-  source: thumb of the open hand taps the chin (Costello 1994)
-  synonyms: MOM, MAMA
-  X  shape=5 at=chin by=thumb off=3 palm=in fingers=up
-  M  off=0 times=2
-  H
-
-BOOK  hands=symmetric kind=sign
-  X  shape=B at=space-mid palm=in fingers=fwd shift=1,0,-2.5
-  M  palm=up path=arc:up:4 for=0.4 head=nod trunk=fwd
-  M  at=space-in path=circle:frontal:5:1.5 local=wiggle:20:2
-  H
-
-TABLE  hands=base
-  X  shape=B at=base-back palm=down fingers=fwd w.shape=B w.at=space-low-mid w.palm=down w.fingers=in
-  M  off=5 path=zigzag:up:3:2
-  H
-"""
-
-
-def make_roles_seeds() -> list[bytes]:
-    """Returns a roles file."""
-    roles = {"hips": 0, "spine": 1, "neck": 2, "head": 3, "leftUpperArm": 4, "leftLowerArm": 5, "leftHand": 6,
-             "rightUpperArm": 7, "rightLowerArm": 8, "rightHand": 9}  # fmt: skip
-    return [json.dumps({role: f"j{n:02}" for role, n in roles.items()}, indent=1).encode()]
-
-
 def make_report_seeds() -> list[bytes]:
     """Returns a report of two words."""
     result = ss.splice([make_clip()[:7], make_clip()[2:7]], CLASSICAL)
@@ -259,13 +235,6 @@ def make_report_seeds() -> list[bytes]:
              {"kind": "sign", "clip": 1, "name": "B", "source": [2, 6], "output": [8, N_REPORTED]}]  # fmt: skip
     report = {**reports.describe(result), "frames": N_REPORTED, "spans": spans, "warnings": ["a word is long"]}
     return [json.dumps(report, indent=2).encode()]
-
-
-GLOSSES = b"""file,gloss,synonyms,signer,source,checked,kind,owns
-hello.bvh,HELLO,HI;GOOD-DAY,A,"book, page 3",yes,sign,right arm;head
-a.bvh,fs-A,,,,no,letter,none
-sub/tree.bvh,TREE,,B,,,,
-"""
 
 
 @cache
@@ -280,52 +249,28 @@ def make_shards_seeds() -> list[bytes]:
             prepare(output_folder, options, lambda: [recipes.batch_of(rows)])
             (output_folder / "index").mkdir()
             make_shard(str(output_folder), 0, 8)
-            files = {
-                str(path.relative_to(output_folder)): path.read_bytes()
-                for path in sorted(output_folder.rglob("*"))
-                if path.is_file()
-            }
-            seeds.append(pack(files))
+            paths = [path for path in sorted(output_folder.rglob("*")) if path.is_file()]
+            seeds.append(pack({str(path.relative_to(output_folder)): path.read_bytes() for path in paths}))
     return seeds
 
 
 @cache
 def make_pairs_seeds() -> list[bytes]:
     """Returns a corpus of the pairs of two short signs, with few frames."""
-    signs = notation.parse(
-        "".join(
-            f"{gloss}  hands=one\n  source: none\n  X  shape={gloss} at=chin palm=in fingers=up\n  H\n\n"
-            for gloss in "AB"
-        )
-    )
+    text = "{0}  hands=one\n  source: none\n  X  shape={0} at=chin palm=in fingers=up\n  H\n\n"
+    recipe = Recipe(tuple(notation.parse(text.format("A") + text.format("B")).values()), fps=10.0, n_other=1)
     with tempfile.TemporaryDirectory() as folder:
-        output_folder = write_pairs(
-            Recipe(tuple(signs.values()), fps=10.0, n_other=1), Path(folder) / "pairs", processes=1
-        )
+        output_folder = write_pairs(recipe, Path(folder) / "pairs", processes=1)
         return [pack({path.name: path.read_bytes() for path in sorted(output_folder.iterdir())})]
-
-
-LINES = b"""hello, I deaf
-
-thank you fs-anna
-+ HELLO|YES  no?
-"""
 
 
 _ROWS = (
     recipes.SentenceRecipe(("HELLO", "I"), sign_speed=1.25, transition_time="0.3", seed=7, cutter="pose-velocity"),
-    recipes.SentenceRecipe(
-        ("fs-AB", "SIGN"), fps=60.0, tempo="natural", cutter="ends", transition="hermite", spell=False
-    ),
-    recipes.SentenceRecipe(
-        ("YES", "NO", "YES"), "standard", cutter="ends", transition="linear", avoid_collisions=False
-    ),
-)
-_CSV = b"""glosses,signer,seed,transition_time,sign_speed,tempo,fps,cutter,transition,free_hand,avoid_collisions,spell
-HELLO I,,7,auto,1.25,citation,,pose-velocity,hermite,transition,,true
-"fs-AB,  SIGN",standard,0,0.3,1,0.8,25,ends,linear,natural,false,false
-YES,,,,,,,ends,,,,
-"""
+    recipes.SentenceRecipe(("fs-AB", "SIGN"), fps=60.0, tempo="natural", cutter="ends", transition="hermite",
+                           spell=False),
+    recipes.SentenceRecipe(("YES", "NO", "YES"), "standard", cutter="ends", transition="linear",
+                           avoid_collisions=False),
+)  # fmt: skip
 
 
 def make_recipes_seeds() -> list[bytes]:
@@ -339,7 +284,7 @@ def make_recipes_seeds() -> list[bytes]:
         "signer": pa.array(["", ""]).dictionary_encode(),
     }
     return [
-        _CSV,
+        *read_seeds("recipes.csv"),
         _encode_table(pa.Table.from_batches([batch])),
         _encode_table(pa.table(other_columns), compression="zstd"),
         _encode_table(pa.table({"glosses": [["HELLO", "NO"]], "cutter": ["ends"]}), row_group_size=1),
@@ -361,8 +306,6 @@ def make_written_seeds() -> list[bytes]:
     names = table.splitlines()[100].split(",")[2].split()
     face = '<hnm_mouthpicture picture="ro:d"/><hnm_head tag="NO"/>'
     hns = "".join(f"<ham{name}/>\n" for name in names)
-    sigml = (
-        f'<sigml><hns_sign gloss="A"><hamnosys_nonmanual>{face}</hamnosys_nonmanual>'
-        f"<hamnosys_manual>\n{hns}</hamnosys_manual></hns_sign></sigml>"
-    )
+    parts = f"<hamnosys_nonmanual>{face}</hamnosys_nonmanual><hamnosys_manual>\n{hns}</hamnosys_manual>"
+    sigml = f'<sigml><hns_sign gloss="A">{parts}</hns_sign></sigml>'
     return [(_SYNTH_TESTS / "written_signs.sigml").read_bytes(), table.encode(), sigml.encode()]

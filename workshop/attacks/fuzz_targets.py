@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-import fuzz_oracles
-import fuzz_seeds
+import fuzz_oracles as oracles
+import fuzz_seeds as seeds
 import signsplice as ss
-from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, make_clip
+from fuzz_seeds import CLASSICAL, N_REPORTED, ROOT, make_clip, read_seeds
 from fuzz_trees import unpack
 from signsplice import formats, lexicon
 from signsplice.body import collision
@@ -119,18 +119,18 @@ def use_clip(read_clip: Clip) -> None:
         ss.splice([read_clip, read_clip], ss.SpliceOptions("ends", "hermite", "tempo"))
 
 
-def _put_as(name: str) -> Callable[[bytes, Path], Path]:
+def _put_as(name: str | Callable[[bytes], str]) -> Callable[[bytes, Path], Path]:
     def put(content: bytes, folder: Path) -> Path:
-        path = folder / name
+        path = folder / (name if isinstance(name, str) else name(content))
         path.write_bytes(content)
         return path
 
     return put
 
 
-def _put_gltf(content: bytes, folder: Path) -> Path:
-    suffix = ".gltf" if content[:4] != b"glTF" else ".vrma" if b"VRMC_vrm_animation" in content else ".glb"
-    return _put_as(f"case{suffix}")(content, folder)
+def _name_gltf(content: bytes) -> str:
+    is_vrma = b"VRMC_vrm_animation" in content
+    return "case.gltf" if content[:4] != b"glTF" else "case.vrma" if is_vrma else "case.glb"
 
 
 def _put_folder(content: bytes, folder: Path) -> Path:
@@ -175,10 +175,7 @@ def _use_lexicon(words: lexicon.Lexicon) -> None:
 def _use_bundle(methods: Any) -> None:
     """Splices two small clips by the networks of a bundle."""
     chosen: dict[str, Any] = {"cutter": "pose-velocity", "transition": "hermite", "duration": "tempo"}
-    for kind, table in (
-        ("cutter", methods.cutters),
-        ("transition", methods.transitions),
-    ):
+    for kind, table in (("cutter", methods.cutters), ("transition", methods.transitions)):
         if table:
             chosen[kind] = next(iter(table.values()))
     ss.splice([make_clip(), make_clip(1)], ss.SpliceOptions(**chosen, avoid_collisions=False))
@@ -199,14 +196,6 @@ def _use_report(report: Any) -> None:
     marks = [Mark(span["kind"], span["name"] or "", *span["output"]) for span in report["spans"]]
     for frame in sheet_frames(N_REPORTED, marks):
         caption(marks, frame)[0].encode()
-
-
-def _put_recipes(content: bytes, folder: Path) -> Path:
-    return _put_as("case.parquet" if content[:4] == b"PAR1" else "case.csv")(content, folder)
-
-
-def _put_written(content: bytes, folder: Path) -> Path:
-    return _put_as("case.sigml" if content.lstrip()[:1] == b"<" else "case.csv")(content, folder)
 
 
 def _load_recipes(path: Path) -> tuple[Path, list[Any]]:
@@ -317,7 +306,7 @@ def _check_signing(clip: Clip) -> None:
 def _collect_truth() -> dict[str, list[Clip]]:
     """Returns gloss or synonym -> its clips in the lexicons that fuzzing starts from, each stored in its form."""
     truth: dict[str, list[Clip]] = {}
-    for content in fuzz_seeds.make_lexicon_seeds():
+    for content in seeds.make_lexicon_seeds():
         with tempfile.TemporaryDirectory() as name, lexicon.open(_put_folder(content, Path(name))) as words:
             for gloss in (*words, "HI"):
                 truth.setdefault(gloss, []).append(words.clip(gloss))
@@ -327,44 +316,39 @@ def _collect_truth() -> dict[str, list[Clip]]:
 TARGETS = {
     target.name: target
     for target in (
-        Target("bvh", lambda: fuzz_seeds.make_clip_seeds(".bvh"), _put_as("case.bvh"),
-               formats.load, use_clip, oracle=fuzz_oracles.judge_bvh),
-        Target("npz", lambda: fuzz_seeds.make_clip_seeds(".npz"), _put_as("case.npz"),
-               formats.load, use_clip, _measure_unpacked_npz, fuzz_oracles.judge_npz),
-        Target("smplx", fuzz_seeds.make_smplx_seeds, _put_as("case.npz"), formats.load,
-               use_clip, _measure_unpacked_npz),
-        Target("gltf", fuzz_seeds.make_gltf_seeds, _put_gltf, formats.load, use_clip,
-               oracle=fuzz_oracles.judge_gltf),
-        Target("fbx", fuzz_seeds.make_fbx_seeds, _put_as("case.fbx"), formats.load, use_clip),
-        Target("fbxavatar", lambda: fuzz_seeds.make_fbx_seeds()[1:2], _put_as("case.fbx"),
-               read_avatar, _use_avatar),
-        Target("avatar", fuzz_seeds.make_avatar_seeds, _put_as("case.vrm"), read_avatar, _use_avatar,
-               oracle=fuzz_oracles.judge_avatar),
-        Target("lexicon", fuzz_seeds.make_lexicon_seeds, _put_folder, lexicon.open,
-               _use_lexicon, _measure_unpacked_npz,
-               lambda _, read: fuzz_oracles.judge_lexicon(_collect_truth(), read)),
-        Target("bundle", fuzz_seeds.make_bundle_seeds, _put_folder, open_learned,
-               _use_bundle, _measure_unpacked_npz),
-        Target("recipes", fuzz_seeds.make_recipes_seeds, _put_recipes, _load_recipes,
-               _use_recipes),
-        Target("lines", lambda: [fuzz_seeds.LINES], _put_as("case.txt"),
+        Target("bvh", lambda: seeds.make_clip_seeds(".bvh"), _put_as("case.bvh"), formats.load, use_clip,
+               oracle=oracles.judge_bvh),
+        Target("npz", lambda: seeds.make_clip_seeds(".npz"), _put_as("case.npz"), formats.load, use_clip,
+               _measure_unpacked_npz, oracles.judge_npz),
+        Target("smplx", seeds.make_smplx_seeds, _put_as("case.npz"), formats.load, use_clip, _measure_unpacked_npz),
+        Target("gltf", seeds.make_gltf_seeds, _put_as(_name_gltf), formats.load, use_clip, oracle=oracles.judge_gltf),
+        Target("fbx", seeds.make_fbx_seeds, _put_as("case.fbx"), formats.load, use_clip),
+        Target("fbxavatar", lambda: seeds.make_fbx_seeds()[1:2], _put_as("case.fbx"), read_avatar, _use_avatar),
+        Target("avatar", seeds.make_avatar_seeds, _put_as("case.vrm"), read_avatar, _use_avatar,
+               oracle=oracles.judge_avatar),
+        Target("lexicon", seeds.make_lexicon_seeds, _put_folder, lexicon.open, _use_lexicon, _measure_unpacked_npz,
+               lambda _, read: oracles.judge_lexicon(_collect_truth(), read)),
+        Target("bundle", seeds.make_bundle_seeds, _put_folder, open_learned, _use_bundle, _measure_unpacked_npz),
+        Target("recipes", seeds.make_recipes_seeds,
+               _put_as(lambda content: "case.parquet" if content[:4] == b"PAR1" else "case.csv"),
+               _load_recipes, _use_recipes),
+        Target("lines", lambda: read_seeds("lines.txt"), _put_as("case.txt"),
                lambda path: drawing.lines(path, lexicon.open_shipped_lexicon()), _use_lines),
-        Target("shards", fuzz_seeds.make_shards_seeds, _put_folder,
-               lambda path: (job.read_job(path), path), lambda read: _use_shards(*read), _measure_unpacked_npz),
-        Target("pairs", fuzz_seeds.make_pairs_seeds, _put_folder, Pairs, _use_pairs,
-               _measure_unpacked_npz),
-        Target("signs", lambda: [fuzz_seeds.SIGNS], _put_as("case.signs"), notation.read,
-               _use_signs),
-        Target("written", fuzz_seeds.make_written_seeds, _put_written, written.read,
-               _use_written),
-        Target("roles", fuzz_seeds.make_roles_seeds, _put_as("case.json"), roles_files.read,
+        Target("shards", seeds.make_shards_seeds, _put_folder, lambda path: (job.read_job(path), path),
+               lambda read: _use_shards(*read), _measure_unpacked_npz),
+        Target("pairs", seeds.make_pairs_seeds, _put_folder, Pairs, _use_pairs, _measure_unpacked_npz),
+        Target("signs", lambda: read_seeds("signs.signs"), _put_as("case.signs"), notation.read, _use_signs),
+        Target("written", seeds.make_written_seeds,
+               _put_as(lambda content: "case.sigml" if content.lstrip()[:1] == b"<" else "case.csv"),
+               written.read, _use_written),
+        Target("roles", lambda: read_seeds("roles.json"), _put_as("case.json"), roles_files.read,
                lambda read: use_clip(roles_files.with_roles(make_clip(4, "other"), read))),
-        Target("report", fuzz_seeds.make_report_seeds, _put_as("case.json"),
-               lambda path: reports.read(path, N_REPORTED), _use_report),
-        Target("face", lambda: [live_link.encode(fuzz_seeds.with_face(make_clip()))],
-               _put_as("case.csv"), lambda path: live_link.with_face(make_clip(), path), use_clip),
-        Target("glosses", lambda: [fuzz_seeds.GLOSSES], _put_as("glosses.csv"),
-               recordings.read_table, lambda _: None),
+        Target("report", seeds.make_report_seeds, _put_as("case.json"), lambda path: reports.read(path, N_REPORTED),
+               _use_report),
+        Target("face", lambda: [live_link.encode(seeds.with_face(make_clip()))], _put_as("case.csv"),
+               lambda path: live_link.with_face(make_clip(), path), use_clip),
+        Target("glosses", lambda: read_seeds("glosses.csv"), _put_as("glosses.csv"), recordings.read_table,
+               lambda _: None),
     )
 }  # fmt: skip
 """Name -> target."""

@@ -82,7 +82,8 @@ def _join_json(tree: Any) -> bytes:
     return json.dumps(tree, default=_spell, skipkeys=True).encode()
 
 
-def _split_glb(content: bytes) -> dict[str, bytes]:
+def split_glb(content: bytes) -> dict[str, bytes]:
+    """Returns the chunks of a binary glTF file, named ``0.json`` and ``1.bin``."""
     chunks: dict[str, bytes] = {}
     offset = 12
     while offset + 8 <= len(content):
@@ -94,7 +95,7 @@ def _split_glb(content: bytes) -> dict[str, bytes]:
 
 
 def join_glb(chunks: Mapping[str, bytes]) -> bytes:
-    """Returns a binary glTF file of chunks, named ``0.json`` and ``1.bin``, padded to multiples of four bytes."""
+    """Returns a binary glTF file of such chunks, padded to multiples of four bytes."""
     body = b""
     for name, content in chunks.items():
         kind = name.rpartition(".")[2].upper().encode("latin-1", "replace")[:4].ljust(4, b"\0")
@@ -133,9 +134,8 @@ def _pack_folder(members: dict[str, bytes]) -> bytes:
     """Returns an archive of members; a description that lists hashes lists the right ones."""
     with suppress(ValueError, KeyError, TypeError, AttributeError):
         config = json.loads(members["bundle.json"])
-        config["files"] = {
-            name: hashlib.sha256(members[name]).hexdigest() for name in config["files"] if name in members
-        }
+        names = [name for name in config["files"] if name in members]
+        config["files"] = {name: hashlib.sha256(members[name]).hexdigest() for name in names}
         members["bundle.json"] = json.dumps(config).encode()
     return pack(members)
 
@@ -171,11 +171,9 @@ def _join_sqlite(tree: Any) -> bytes:
             for row in rows:
                 if name == "skeleton":
                     row["sha256"] = hashlib.sha256(_spell(row["described"]).encode()).hexdigest()
-                columns = ", ".join(f'"{column}"' for column in row)
-                marks = ", ".join("?" * len(row))
-                file.execute(
-                    f'INSERT OR REPLACE INTO "{name}" ({columns}) VALUES ({marks})', [*map(_cell, row.values())]
-                )
+                columns, marks = ", ".join(f'"{column}"' for column in row), ", ".join("?" * len(row))
+                query = f'INSERT OR REPLACE INTO "{name}" ({columns}) VALUES ({marks})'
+                file.execute(query, [*map(_cell, row.values())])
         return bytes(file.serialize())
 
 
@@ -212,9 +210,8 @@ def _join_onnx(tree: Any) -> bytes:
 
 def _split_parquet(content: bytes) -> Any:
     table = pq.read_table(io.BytesIO(content))
-    columns = [
-        [field.name, field.type, column.to_pylist()] for field, column in zip(table.schema, table.columns, strict=True)
-    ]
+    pairs = zip(table.schema, table.columns, strict=True)
+    columns = [[field.name, field.type, column.to_pylist()] for field, column in pairs]
     options = {"compression": "zstd", "data_page_version": "2.0", "row_group_size": 2, "use_dictionary": True,
                "store_schema": True}  # fmt: skip
     return {"columns": columns, "options": options}
@@ -240,7 +237,7 @@ def _join_parquet(tree: Any) -> bytes:
 
 Codec = tuple[Callable[[bytes], Any], Callable[[Any], bytes]]
 CODECS: dict[str, Codec] = {
-    ".txt": (_split_text, _join_text), ".json": (json.loads, _join_json), ".glb": (_split_glb, join_glb),
+    ".txt": (_split_text, _join_text), ".json": (json.loads, _join_json), ".glb": (split_glb, join_glb),
     ".npy": (_split_npy, _join_npy), ".zip": (unpack, _pack_folder), ".sqlite": (_split_sqlite, _join_sqlite),
     ".onnx": (_split_onnx, _join_onnx), ".parquet": (_split_parquet, _join_parquet),
 }  # fmt: skip
@@ -314,9 +311,8 @@ def _mutate_tree(root: Any, rng: random.Random, mutate: Bytes) -> None:
             holder[key:key] = [old] * rng.choice((1, 1, 3, 200))
         case 3 | 4:
             source, name = rng.choice(places)
-            holder[key] = (
-                json.loads(_join_json(source[name])) if isinstance(source[name], (dict, list)) else source[name]
-            )
+            value = source[name]
+            holder[key] = json.loads(_join_json(value)) if isinstance(value, (dict, list)) else value
         case 5 if not isinstance(old, bytes):
             holder[key] = [old] if rng.random() < 0.5 else {"a": old}
         case _:

@@ -14,11 +14,14 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+import psutil
 import torch
 
 from signsplice import cli, lexicon
@@ -37,6 +40,11 @@ N_KILLS = 20
 TIME_LIMIT_S = 480.0
 TINY = Path(__file__).resolve().parents[2] / "tests" / "golden" / "tiny_bundle"
 BROKEN = b"cannot be read"
+RESULTS = {
+    "lost": "lost", "broken": "neither old nor new", "failed": "next runs that failed",
+    "left over": "left over after them", "survivors": "processes that outlived it by 2 s",
+}  # fmt: skip
+"""What is counted of the outputs and processes of a writer after kills."""
 Content = dict[str, bytes]
 
 
@@ -50,38 +58,8 @@ class Writer:
     """
 
     name: str
-    write: Callable[[Path], None]
-    prepare: Callable[[Path], None]
-
-
-@dataclass
-class Tally:
-    """Results of the kills of a writer.
-
-    kills: number of kills that met the writer at work.
-    lost: outputs that were gone. broken: outputs that were neither old nor new.
-    left_over: names present after the next run besides the outputs. survivors: processes that ran on for 2 s.
-    failed: next runs that failed.
-    """
-
-    kills: int = 0
-    lost: int = 0
-    broken: int = 0
-    left_over: int = 0
-    survivors: int = 0
-    failed: int = 0
-    names: set[str] = field(default_factory=set)
-
-
-def run_command(folder: Path, *words: str) -> int:
-    """Returns the exit status of ``signsplice`` in a folder, in this process."""
-    os.chdir(folder)
-    sys.argv = ["signsplice", *words]
-    try:
-        cli.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    write: Callable[[Path], object]
+    prepare: Callable[[Path], object]
 
 
 # --- writers
@@ -103,12 +81,14 @@ def make_writers(inputs: Path) -> list[Writer]:
 
     def run(*call: str) -> Callable[[Path], None]:
         def write(folder: Path) -> None:
-            if run_command(folder, *call):
-                raise SystemExit(1)
+            os.chdir(folder)
+            sys.argv = ["signsplice", *call]
+            cli.main()
 
         return write
 
-    run(*corpus)(inputs)
+    if wait_for(fork(lambda: run(*corpus)(inputs))):
+        raise SystemExit("the pairs to train with cannot be made")
     return [
         Writer(
             "splice -o", run("splice", first, second, "-o", "out.bvh", *classical),
@@ -118,18 +98,10 @@ def make_writers(inputs: Path) -> list[Writer]:
         Writer("synth pairs", run(*corpus), lambda folder: None),
         Writer("checkpoints", make_training_writer(inputs / "pairs"), lambda folder: None),
         Writer(
-            "export", _export_bundle,
-            _copy_old_bundle,
+            "export", lambda folder: export.halve_bundle(TINY, folder / "bundle"),
+            lambda folder: shutil.copytree(TINY, folder / "bundle"),
         ),
     ]  # fmt: skip
-
-
-def _copy_old_bundle(folder: Path) -> None:
-    shutil.copytree(TINY, folder / "bundle")
-
-
-def _export_bundle(folder: Path) -> None:
-    export.halve_bundle(TINY, folder / "bundle")
 
 
 def make_training_writer(pairs: Path) -> Callable[[Path], None]:
@@ -172,24 +144,6 @@ def wait_for(process: int) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
-def list_descendants(process: int) -> list[int]:
-    """Returns all processes below one."""
-    try:
-        text = Path(f"/proc/{process}/task/{process}/children").read_text()
-    except OSError:
-        return []
-    children = [int(word) for word in text.split()]
-    return children + [below for child in children for below in list_descendants(child)]
-
-
-def is_running(process: int) -> bool:
-    """Returns whether a process has not ended."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
-
-
 def read_folder(folder: Path) -> dict[str, Content]:
     """Returns visible name -> relative path -> bytes, without logs; of a checkpoint the bytes of its weights."""
     return {
@@ -218,8 +172,8 @@ def read_file(path: Path) -> bytes:
     return b"%d " % state["step"] + b"".join(weights)
 
 
-def attack(writer: Writer, folder: Path, rng: random.Random, deadline: float) -> tuple[Tally, float]:
-    """Returns the results of the kills of a writer, and the time that its work takes, s."""
+def attack(writer: Writer, folder: Path, rng: random.Random, deadline: float) -> tuple[Counter[str], set[str], float]:
+    """Returns the results of the kills of a writer (``RESULTS``), what was left over, and the time of its work, s."""
     undisturbed = folder / "whole"
     undisturbed.mkdir(parents=True)
     writer.prepare(undisturbed)
@@ -229,70 +183,63 @@ def attack(writer: Writer, folder: Path, rng: random.Random, deadline: float) ->
         raise SystemExit(f"{writer.name} fails without a kill")
     seconds = time.perf_counter() - start
     new = read_folder(undisturbed)
-    tally = Tally()
+    counts, left_over = Counter[str](), set[str]()
     for number in range(4 * N_KILLS):
-        if tally.kills == N_KILLS or time.monotonic() > deadline:
+        if counts["kills"] == N_KILLS or time.monotonic() > deadline:
             break
         run_folder = folder / str(number)
         run_folder.mkdir()
         writer.prepare(run_folder)
-        process = fork(lambda run_folder=run_folder: writer.write(run_folder))  # type: ignore[misc]
+        write = partial(writer.write, run_folder)
+        process = fork(write)
         time.sleep(rng.uniform(0.0, seconds))
-        children = list_descendants(process)
+        children = psutil.Process(process).children(recursive=True)
         os.kill(process, signal.SIGKILL)
         if wait_for(process) != -signal.SIGKILL:
             continue  # it had already finished
-        tally.kills += 1
-        tally.survivors += count_survivors(children)
-        judge(tally, read_folder(run_folder), old, new, has_checkpoints=writer.name == "checkpoints")
-        tally.failed += wait_for(fork(lambda run_folder=run_folder: writer.write(run_folder))) != 0  # type: ignore[misc]
+        counts["kills"] += 1
+        counts["survivors"] += count_survivors(children)
+        counts += judge(read_folder(run_folder), old, new, has_checkpoints=writer.name == "checkpoints")
+        counts["failed"] += wait_for(fork(write)) != 0
         contents = read_folder(run_folder)
-        tally.broken += sum(contents.get(name) != new[name] for name in new)
+        counts["broken"] += sum(contents.get(name) != new[name] for name in new)
         extras = {n for n in os.listdir(run_folder) if n not in new and not n.endswith(".jsonl")} - {"tensorboard"}
-        tally.left_over += len(extras)
-        tally.names |= extras
+        counts["left over"] += len(extras)
+        left_over |= extras
         shutil.rmtree(run_folder)
-    return tally, seconds
+    return counts, left_over, seconds
 
 
-def count_survivors(processes: list[int]) -> int:
+def count_survivors(processes: list[psutil.Process]) -> int:
     """Returns how many processes still run after two seconds, and ends them."""
+
+    def is_running(process: psutil.Process) -> bool:
+        with suppress(psutil.NoSuchProcess):
+            return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+        return False
+
     deadline = time.monotonic() + 2.0
-    while any(map(is_running, processes)) and time.monotonic() < deadline:
+    while (running := list(filter(is_running, processes))) and time.monotonic() < deadline:
         time.sleep(0.02)
-    running = [process for process in processes if is_running(process)]
     for process in running:
-        with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGKILL)
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
     return len(running)
 
 
 def judge(
-    tally: Tally, state: dict[str, Content], old: dict[str, Content], new: dict[str, Content], has_checkpoints: bool
-) -> None:
-    """Adds the state after a kill: the old or the new content is whole, everything else is not. A checkpoint of a step
-    in between is judged by the training that continues from it.
+    state: dict[str, Content], old: dict[str, Content], new: dict[str, Content], has_checkpoints: bool
+) -> Counter[str]:
+    """Judges the state after a kill: the old or the new content is whole, everything else is not. A checkpoint of a
+    step in between is judged by the training that continues from it.
     """
+    counts = Counter[str]()
     for name in old.keys() | new.keys():
         if name not in state:
-            tally.lost += name in old
+            counts["lost"] += name in old
         elif BROKEN in state[name].values() or not (has_checkpoints or state[name] in (old.get(name), new.get(name))):
-            tally.broken += 1
-
-
-@contextmanager
-def silence_output() -> Iterator[None]:
-    """Silences standard output within the block, also of child processes."""
-    sys.stdout.flush()
-    old_output, null = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 1)
-    try:
-        yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(old_output, 1)
-        os.close(old_output)
-        os.close(null)
+            counts["broken"] += 1
+    return counts
 
 
 def main() -> None:
@@ -300,25 +247,22 @@ def main() -> None:
     rng = random.Random(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
     deadline = time.monotonic() + TIME_LIMIT_S
     print("| attack | seen |\n| --- | --- |", flush=True)
+    totals = Counter[str]()
     with tempfile.TemporaryDirectory(prefix="signsplice-kills-", ignore_cleanup_errors=True) as top:
         folder = Path(top)
         (folder / "inputs").mkdir()
-        with silence_output():
-            writers = make_writers(folder / "inputs")
-        total = n_faults = 0
-        for writer in writers:
-            tally, seconds = attack(writer, folder / writer.name.replace(" ", "-"), rng, deadline)
-            total += tally.kills
-            n_faults += tally.lost + tally.broken + tally.failed + tally.left_over + tally.survivors
+        for writer in make_writers(folder / "inputs"):
+            counts, left_over, seconds = attack(writer, folder / writer.name.replace(" ", "-"), rng, deadline)
+            totals += counts
+            results = ", ".join(f"{text} {counts[result]}" for result, text in RESULTS.items())
+            names = f" ({', '.join(sorted(left_over))})" if left_over else ""
             print(
-                f"| {tally.kills} kills within the {seconds:.2f} s of {writer.name} | lost {tally.lost}, broken "
-                f"{tally.broken}, next runs that failed {tally.failed}, left over after them {tally.left_over} "
-                f"{sorted(tally.names) or ''}, processes that outlived it by 2 s {tally.survivors} |",
+                f"| {counts['kills']} kills within the {seconds:.2f} s of {writer.name} | {results}{names} |",
                 flush=True,
             )
-        print(f"| all kills | {total} |", flush=True)
+        print(f"| all kills | {totals['kills']} |", flush=True)
         os.chdir("/")
-    sys.exit(n_faults > 0)
+    sys.exit(any(totals[result] for result in RESULTS))
 
 
 if __name__ == "__main__":

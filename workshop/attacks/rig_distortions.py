@@ -105,9 +105,8 @@ def mirror(motion: Motion, rng: Random) -> Motion:
     """Returns the motion in the mirror; joints keep their names."""
     sites = {joint: _MIRROR @ site for joint, site in motion.sites.items()}
     rotations = _MIRROR @ motion.rotations @ _MIRROR
-    return replace(
-        motion, offsets=motion.offsets @ _MIRROR, sites=sites, rotations=rotations, roots=motion.roots @ _MIRROR
-    )
+    offsets, roots = motion.offsets @ _MIRROR, motion.roots @ _MIRROR
+    return replace(motion, offsets=offsets, sites=sites, rotations=rotations, roots=roots)
 
 
 def mirror_and_rename(motion: Motion, rng: Random) -> Motion:
@@ -156,9 +155,8 @@ _RESTS = ((0.0, 0.0), (45.0, 0.0), (80.0, 0.0), (0.0, 85.0), (-80.0, 0.0), (30.0
 
 def draw_rest(motion: Motion, rng: Random, spread_deg: float = 0.0) -> Motion:
     """Returns the motion on a rig that shows one of these poses at zero, with fingers straight or bent."""
-    return change_rest_pose(
-        motion, _make_pose(*_RESTS[rng.integers(len(_RESTS))], rng.choice([0.0, 30.0, 60.0]), spread_deg)
-    )
+    pose = _make_pose(*_RESTS[rng.integers(len(_RESTS))], rng.choice([0.0, 30.0, 60.0]), spread_deg)
+    return change_rest_pose(motion, pose)
 
 
 def draw_straddling_rest(motion: Motion, rng: Random) -> Motion:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import re
-import struct
 import sys
 import tempfile
 import warnings
@@ -29,26 +28,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import rig_distortions as distort
 import signsplice as ss
-from rig_distortions import (
-    PREFIX,
-    Floats,
-    Motion,
-    Random,
-    align_bones,
-    change_all,
-    change_unit,
-    change_world,
-    compute_world,
-    draw_rest,
-    extract_motion,
-    keep,
-    mirror,
-    mirror_and_rename,
-    rename_joints,
-    turn_axes_randomly,
-    turn_axes_slightly,
-)  # fmt: skip
+from fuzz_trees import join_glb, split_glb
+from rig_distortions import PREFIX, Floats, Motion, Random, compute_world, extract_motion
 
 FIRST, WORDS = "HELLO", ("NAME", "DEAF", "SIGN", "THANK-YOU", "HOUSE", "MOTHER", "WORK", "I")
 _COMPARED = ("Hips", "LeftForeArm", "LeftHand", "LeftHandMiddle1", "LeftHandIndex3",
@@ -111,20 +94,24 @@ def _draw_uneven_matrix(rng: Random) -> Floats:
 
 _REST, _UNIT, _NAMES = r"rest pose", r"unit", r"no counterpart .*: (?!mixamorig:HeadTop_End$)|no role|body parts"
 KINDS = {
-    "unit, 1e-6 to 1e3 of the first's": Kind(change_unit, _UNIT, has_bodies=False),
-    "world axes": Kind(change_world, _REST),
-    "Euler orders": Kind(keep, _REST),
-    "rest pose: T, A, arms down, forward, up": Kind(draw_rest, _REST),
-    "joint axes by up to 25 degrees, on the first's body": Kind(turn_axes_slightly, _REST, has_bodies=False),
-    "joint axes at random: zero is no person": Kind(turn_axes_randomly, _REST, 2.0),
-    "bones in one line at zero": Kind(align_bones, _REST, 2.0),
-    "mirror image, sides renamed": Kind(mirror_and_rename, _REST, is_mirrored=True),
-    "mirrored, sides not renamed": Kind(mirror, r"left and right", np.inf),
-    "names of known schemes": Kind(rename_joints, _NAMES, 4.0),
-    "all of these at once, on the first's body": Kind(change_all, f"{_REST}|{_UNIT}|{_NAMES}", 4.0, has_bodies=False),
-    "glTF: a node above turns, moves and scales": Kind(keep, _UNIT, draw_above=_draw_even_matrix, has_bodies=False),
+    "unit, 1e-6 to 1e3 of the first's": Kind(distort.change_unit, _UNIT, has_bodies=False),
+    "world axes": Kind(distort.change_world, _REST),
+    "Euler orders": Kind(distort.keep, _REST),
+    "rest pose: T, A, arms down, forward, up": Kind(distort.draw_rest, _REST),
+    "joint axes by up to 25 degrees, on the first's body": Kind(distort.turn_axes_slightly, _REST, has_bodies=False),
+    "joint axes at random: zero is no person": Kind(distort.turn_axes_randomly, _REST, 2.0),
+    "bones in one line at zero": Kind(distort.align_bones, _REST, 2.0),
+    "mirror image, sides renamed": Kind(distort.mirror_and_rename, _REST, is_mirrored=True),
+    "mirrored, sides not renamed": Kind(distort.mirror, r"left and right", np.inf),
+    "names of known schemes": Kind(distort.rename_joints, _NAMES, 4.0),
+    "all of these at once, on the first's body": Kind(
+        distort.change_all, f"{_REST}|{_UNIT}|{_NAMES}", 4.0, has_bodies=False
+    ),
+    "glTF: a node above turns, moves and scales": Kind(
+        distort.keep, _UNIT, draw_above=_draw_even_matrix, has_bodies=False
+    ),
     "glTF: a node above mirrors, shears or scales unevenly": Kind(
-        keep, r"mirror|shear|scale|even", draw_above=_draw_uneven_matrix, has_bodies=False, has_truth=False
+        distort.keep, r"mirror|shear|scale|even", draw_above=_draw_uneven_matrix, has_bodies=False, has_truth=False
     ),
 }
 
@@ -165,14 +152,12 @@ def _format_numbers(row: Floats) -> str:
 
 def add_node_above(glb: bytes, matrix: Floats) -> bytes:
     """Returns a GLB file with everything below one more node, which has a matrix."""
-    (length,) = struct.unpack_from("<I", glb, 12)
-    fields, rest = json.loads(glb[20 : 20 + length]), glb[20 + length :]
+    chunks = split_glb(glb)
+    fields = json.loads(chunks["0.json"])
     scene = fields["scenes"][fields.get("scene", 0)]
     fields["nodes"].append({"name": "above", "matrix": matrix.T.ravel().tolist(), "children": scene["nodes"]})
     scene["nodes"] = [len(fields["nodes"]) - 1]
-    text = json.dumps(fields).encode()
-    text += b" " * (-len(text) % 4)
-    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
+    return join_glb(chunks | {"0.json": json.dumps(fields).encode()})
 
 
 # --- outcomes -----------------------------------------------------------------------------------------------
@@ -227,10 +212,8 @@ def compute_truth(gloss: str, body: int, is_mirrored: bool) -> tuple[dict[int, F
         path.write_text(encode_bvh(make_undistorted(gloss, body)))
         shown, lines = splice_file(path)
     if not body:
-        actual, expected = (
-            np.concatenate([*shown.values()]),
-            np.concatenate(compute_points(make_undistorted(gloss, 0))[[*shown]]),
-        )
+        actual = np.concatenate([*shown.values()])
+        expected = np.concatenate(compute_points(make_undistorted(gloss, 0))[[*shown]])
         turn = Rotation.align_vectors(actual - actual.mean(axis=0), expected - expected.mean(axis=0))[0]
         errors = turn.apply(expected - expected.mean(axis=0)) + actual.mean(axis=0) - actual
         assert np.abs(errors).max() < 1e-3, f"{gloss} itself is not spliced as it is"

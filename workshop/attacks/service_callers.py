@@ -8,12 +8,13 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import cycle, islice
 from pathlib import Path
 from statistics import median
-from typing import IO
+from typing import Any
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
@@ -27,25 +28,19 @@ _FPS = 30.0
 
 
 @contextmanager
-def start_service(
-    *arguments: str, log: IO[str] | int = subprocess.DEVNULL
-) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Starts a service; yields its address, and its process, whose standard error goes to ``log``."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=log,
-        text=True,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "PYTHONPATH": os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")]),
-        },
-    )
+def start_service(*arguments: str) -> Iterator[str]:
+    """Starts a service and waits for its workers; yields its address."""
+    call = [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments]
+    path = os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment)
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
-        yield line[line.index("http://") :].split()[0].rstrip("/"), process
+        address = line[line.index("http://") :].split()[0].rstrip("/")
+        while httpx.get(f"{address}/healthz", timeout=60.0, trust_env=False).status_code == 503:
+            time.sleep(0.1)
+        yield address
     finally:
         process.kill()
         process.wait()
@@ -68,15 +63,18 @@ class CallerRecord:
     first_frames: list[tuple[float, float]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
 
+    def note(self, call: str, answer: httpx.Response) -> None:
+        """Counts an answer that is none as a failure."""
+        if answer.status_code != 200:
+            self.faults.append(f"{call} {answer.status_code}")
+
     def row(self, start: float, end: float) -> str:
         """Returns the worst and the 99th percentile, and medians before and within an attack, in words."""
-        late = sorted(self.late)
-        p99 = late[int(0.99 * len(late))] if late else float("nan")
-        worst = late[-1] if late else float("nan")
+        late = [1e3 * seconds for seconds in sorted(self.late)] or [float("nan")]
         faults = "; " + ", ".join(sorted(set(self.faults))) if self.faults else ""
         return (
             f"/healthz at most {1e3 * max(self.health, default=float('nan')):.0f} ms of {len(self.health)} calls; "
-            f"{len(late)} frames, late p99 {1e3 * p99:.0f} ms, worst {1e3 * worst:.0f} ms; "
+            f"{len(self.late)} frames, late p99 {late[int(0.99 * len(late))]:.0f} ms, worst {late[-1]:.0f} ms; "
             f"HELLO {_compare(self.posts, start, end)}; first frame {_compare(self.first_frames, start, end)}{faults}"
         )
 
@@ -90,46 +88,54 @@ def _compare(calls: list[tuple[float, float]], start: float, end: float) -> str:
     return f"{median(quiet):.0f} ms quiet, {median(attacked):.0f} (at most {max(attacked):.0f}) of {len(attacked)}"
 
 
+STREAM_OPTIONS: dict[str, Any] = {"compression": None, "max_size": None, "ping_interval": None}
+
+
 def get_stream_address(address: str) -> str:
     """Returns the address of streams."""
     return address.replace("http", "ws", 1) + "/v1/stream"
 
 
-async def watch_health(
-    address: str, record: CallerRecord, deadline: float, period: float = 0.1, time_limit: float = 60.0
-) -> None:
-    """Asks /healthz, on a new connection each time, until a time of ``time.monotonic``."""
+def encode_word(gloss: str) -> str:
+    """Returns the message that asks for a word."""
+    return json.dumps({"type": "word", "gloss": gloss})
+
+
+async def open_stream(address: str, paced: bool, glosses: Iterable[str]) -> ClientConnection:
+    """Opens a stream and sends words."""
+    socket = await connect(get_stream_address(address), **STREAM_OPTIONS)
+    await socket.send(json.dumps({"type": "open", "paced": paced}))
+    for gloss in glosses:
+        await socket.send(encode_word(gloss))
+    return socket
+
+
+async def wait_for_frames(socket: ClientConnection) -> None:
+    """Waits for the first frames of a stream."""
+    while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
+        pass
+
+
+async def watch_health(address: str, record: CallerRecord, deadline: float) -> None:
+    """Asks /healthz ten times a second, on a new connection each time, until a time of ``time.monotonic``."""
     limits = httpx.Limits(max_keepalive_connections=0)
-    async with httpx.AsyncClient(base_url=address, timeout=time_limit, limits=limits) as client:
-        while (await client.get("/healthz")).status_code == 503:  # its workers start
-            await asyncio.sleep(period)
+    async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=limits) as client:
         while time.monotonic() < deadline:
             start = time.monotonic()
             try:
-                answer = await client.get("/healthz")
-                if answer.status_code != 200:
-                    record.faults.append(f"/healthz {answer.status_code}")
+                record.note("/healthz", await client.get("/healthz"))
             except httpx.HTTPError as error:
                 record.faults.append(f"/healthz {type(error).__name__}")
             record.health.append(time.monotonic() - start)
-            await asyncio.sleep(period)
+            await asyncio.sleep(0.1)
 
 
 async def play_paced_stream(address: str, record: CallerRecord, deadline: float, offset: int = 0) -> None:
     """Reads a paced stream, sending words ahead, until a time of ``time.monotonic``."""
-    n_sent = offset
-
-    async def send_word(socket: ClientConnection) -> None:
-        nonlocal n_sent
-        await socket.send(json.dumps({"type": "word", "gloss": WORDS[n_sent % len(WORDS)]}))
-        n_sent += 1
-
+    glosses = islice(cycle(WORDS), offset, None)
     starts: list[float] = []  # start of the stream by each frame
     try:
-        async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
-            await socket.send('{"type": "open", "paced": true}')
-            for _ in range(_N_PREFETCHED):
-                await send_word(socket)
+        async with await open_stream(address, True, islice(glosses, _N_PREFETCHED)) as socket:
             while time.monotonic() < deadline:
                 message = await asyncio.wait_for(socket.recv(), 60.0)
                 now = time.monotonic()
@@ -141,36 +147,25 @@ async def play_paced_stream(address: str, record: CallerRecord, deadline: float,
                     record.faults.append(reply["error"])
                 if reply.get("span", {}).get("kind") == "sign":
                     with suppress(ConnectionClosed):
-                        await send_word(socket)
+                        await socket.send(encode_word(next(glosses)))
     except (ConnectionClosed, OSError, TimeoutError) as error:
         record.faults.append(f"a stream ended: {type(error).__name__}")
     record.late += [start - min(starts) for start in starts]
 
 
-async def call_again(address: str, record: CallerRecord, deadline: float, pause: float = 0.1) -> None:
+async def call_again(address: str, record: CallerRecord, deadline: float) -> None:
     """Asks for HELLO, then for a stream of two words, by turns until a time of ``time.monotonic``."""
     async with httpx.AsyncClient(base_url=address, timeout=60.0, limits=httpx.Limits(keepalive_expiry=1.0)) as client:
-        while (await client.get("/healthz")).status_code == 503:
-            await asyncio.sleep(0.1)
         while time.monotonic() < deadline:
             try:
                 start = time.monotonic()
                 answer = await client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO"]})
                 record.posts.append((start, time.monotonic() - start))
-                if answer.status_code != 200:
-                    record.faults.append(f"HELLO {answer.status_code}")
+                record.note("HELLO", answer)
                 start = time.monotonic()
-                await _await_first_frame(address)
+                async with await open_stream(address, True, WORDS[:2]) as socket:
+                    await wait_for_frames(socket)
                 record.first_frames.append((start, time.monotonic() - start))
             except (httpx.HTTPError, ConnectionClosed, OSError, TimeoutError) as error:
                 record.faults.append(f"HELLO {type(error).__name__}")
-            await asyncio.sleep(pause)
-
-
-async def _await_first_frame(address: str) -> None:
-    async with connect(get_stream_address(address), compression=None, max_size=None, ping_interval=None) as socket:
-        await socket.send('{"type": "open", "paced": true}')
-        for gloss in WORDS[:2]:
-            await socket.send(json.dumps({"type": "word", "gloss": gloss}))
-        while not isinstance(await asyncio.wait_for(socket.recv(), 60.0), bytes):
-            pass
+            await asyncio.sleep(0.1)

@@ -117,7 +117,7 @@ class Document:
         asset = self._field(self.json, "asset", {}, "the document")
         version, least = str(asset.get("version") or ""), str(asset.get("minVersion") or "2.0")
         if not version.startswith("2."):
-            raise self._error(f"is glTF {version or 'of no version'}, expected 2.0")
+            raise self._error(f"is glTF {version or 'of no version':.40}, expected 2.0")
         if [int(part) for part in least.split(".")] > [2, 0]:
             raise self._error(f"needs a reader of glTF {least:.20}, expected 2.0")
         for name in self.json.get("extensionsRequired") or ():

@@ -49,11 +49,7 @@ class _RefusedError(Exception):
 def failure(error: BaseException) -> dict[str, Any]:
     """Return an error as ``wire.Failure``."""
     if isinstance(error, UnknownGlossError):
-        lines = (
-            f"{gloss!r}" + (f" (nearest: {', '.join(nearest)})" if nearest else "")
-            for gloss, nearest in error.unknown.items()
-        )
-        return {"error": f"no gloss {'; '.join(lines)}", "unknown": {k: list(v) for k, v in error.unknown.items()}}
+        return {"error": error.describe(), "unknown": {k: list(v) for k, v in error.unknown.items()}}
     return {"error": " ".join(str(error).split()), "unknown": {}}
 
 

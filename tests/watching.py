@@ -1,10 +1,10 @@
-"""Finds what leaves the machine or is written outside the given folders: ``python attacks/sockets.py [NAME ...]``.
+"""Watches commands for what leaves the machine or is written outside the given folders.
 
 Every command runs in its own network, which has loopback alone. There the kernel counts what would leave, also by
 native code, and a recorder answers name look-ups with an unreachable address, so that the caller goes on to connect.
 The disk is an overlay: files written outside the working folder and ``/dev`` are in its upper layer. If a system
-permits neither, an audit hook in every Python process and the home folder replace them; the last column says so. The
-row "control" imports onnxruntime without the telemetry switch, which shows that the watch works.
+permits neither, an audit hook in every Python process and the home folder replace them; ``how`` says so. The command
+"control" imports onnxruntime without the telemetry switch, which shows that the watch works.
 """
 
 from __future__ import annotations
@@ -18,21 +18,18 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
-import httpx
-from websockets.sync.client import connect
-
-from service_callers import WORDS, start_service
+from serving import PATIENCE_S, http_client, stream_client, wait_until_warm
 from signsplice.lexicon import open_shipped_lexicon
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 SOURCES = tuple(ROOT / part / "src" for part in ("", "workshop", "research"))
 _PROGRAM = (sys.executable, "-m", "signsplice")
 _SWITCH = "ORT_DISABLE_TELEMETRY"
@@ -90,17 +87,6 @@ class SideEffects:
     how: str = ""
     errors: str = ""
 
-    @property
-    def is_clean(self) -> bool:
-        """Whether nothing was sent, looked up or left."""
-        return not (self.sockets or self.names or self.files)
-
-    def row(self) -> str:
-        """Returns exit status, sockets, look-ups and foreign files, as cells of a table."""
-        names = f"{len(self.names)} ({', '.join(sorted(set(self.names)))})" if self.names else "none"
-        files = f"{len(self.files)} ({', '.join(self.files[:3])})" if self.files else "none"
-        return f"{self.status} | {self.sockets or 'none'} | {names} | {files} | {self.how}"
-
 
 # --- commands: each has its inputs in the working folder, and may write there
 
@@ -114,47 +100,44 @@ def make_python_call(code: str) -> list[str]:
     return [sys.executable, "-c", code]
 
 
+_RECIPES = "bulk recipes -o recipes.csv --count 4 --words 2:3"
 COMMANDS: dict[str, list[list[str]]] = {
     "control": [make_python_call(f"import onnxruntime, time; time.sleep({_LINGER_S})")],
     "import": [make_python_call("import signsplice as ss; ss.splice([ss.load('a.bvh'), ss.load('b.bvh')])")],
     "splice": _make_calls("splice a.bvh b.bvh -o splice.glb --report splice.json"),
     "sentence": [[*_PROGRAM, "sentence", "HELLO I SIGN", "-o", "sentence.bvh"]],
     "serve": [[sys.executable, str(Path(__file__)), "--requests"]],
-    "bulk": _make_calls(
-        "bulk recipes -o recipes.csv --count 4 --words 2:3", "bulk sentences recipes.csv -o rows --workers 2"
-    ),
+    "bulk": _make_calls(_RECIPES, "bulk sentences recipes.csv -o rows --workers 2"),
     "train": _make_calls(
         "synth endless -o signing --signers 2 --words 4 --seams 4 --processes 2",
         "train cutter --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "train transition --signing signing --out bundle --scale smoke --steps 2 --device cpu",
         "export bundle -o small",
     ),
-    "bulk on Ray": _make_calls(
-        "bulk recipes -o recipes.csv --count 4 --words 2:3",
-        "bulk sentences recipes.csv -o rows --ray local --workers 1",
-    ),
+    "bulk on Ray": _make_calls(_RECIPES, "bulk sentences recipes.csv -o rows --ray local --workers 1"),
 }
-"""Name of a row -> its calls."""
+"""Name -> calls."""
 
 
 def _call_service() -> None:
     """Starts a service, calls every route that works, and lets it wait a while."""
-    with start_service() as (address, _):
-        with httpx.Client(base_url=address, timeout=300.0, trust_env=False) as client:
-            while client.get("/healthz").status_code == 503:
-                time.sleep(0.1)
-            client.post("/v1/sentence?file=bvh", json={"glosses": list(WORDS[:3])}).raise_for_status()
-            files = [("files", (name, Path(name).read_bytes())) for name in ("a.bvh", "b.bvh")]
-            client.post("/v1/splice?file=glb", files=files).raise_for_status()
-            client.post("/v1/sentence", json={"text": "how are you", "mesh": False}).raise_for_status()
-            form = {"options": json.dumps({"text": "hello", "formats": ["vrma"]})}
-            client.post(
-                "/v1/fit", files={"avatar": ("a.glb", Path("a.glb").read_bytes())}, data=form
-            ).raise_for_status()
-        with connect(address.replace("http", "ws", 1) + "/v1/stream", proxy=None, open_timeout=300.0) as stream:
-            for message in ({"type": "open", "paced": False}, {"type": "word", "gloss": WORDS[0]}, {"type": "end"}):
-                stream.send(json.dumps(message))
-            while '"done"' not in str(stream.recv(timeout=300.0)):
+    with http_client("serve") as client:
+        wait_until_warm(client)
+        client.post("/v1/sentence?file=bvh", json={"glosses": ["HELLO", "DEAF", "FRIEND"]}).raise_for_status()
+        files = [("files", (name, Path(name).read_bytes())) for name in ("a.bvh", "b.bvh")]
+        client.post("/v1/splice?file=glb", files=files).raise_for_status()
+        client.post("/v1/sentence", json={"text": "how are you", "mesh": False}).raise_for_status()
+        form = {"options": json.dumps({"text": "hello", "formats": ["vrma"]})}
+        avatar = {"avatar": ("a.glb", Path("a.glb").read_bytes())}
+        client.post("/v1/fit", files=avatar, data=form).raise_for_status()
+        with stream_client(client, proxy=None) as stream:
+            for message in (
+                '{"type": "open", "paced": false}',
+                '{"type": "word", "gloss": "HELLO"}',
+                '{"type": "end"}',
+            ):
+                stream.send(message)
+            while '"done"' not in str(stream.recv(timeout=PATIENCE_S)):
                 pass
         time.sleep(_LINGER_S)
 
@@ -177,9 +160,8 @@ def watch_calls(calls: Sequence[Sequence[str]], work: Path, switch: str | None =
         prefix = ["unshare", *user_options, *namespaces] if namespaces else []
         if prefix and not _can_run([*prefix, "true"]):
             continue
-        process = subprocess.run(
-            [*prefix, *script, means], env=environment, capture_output=True, text=True, check=False
-        )
+        call = [*prefix, *script, means]
+        process = subprocess.run(call, env=environment, capture_output=True, text=True, check=False)
         if process.returncode:
             raise RuntimeError(process.stderr[-2000:])
         return SideEffects(**json.loads(process.stdout.splitlines()[-1]))
@@ -216,25 +198,18 @@ def _watch(work: Path, calls: list[list[str]], means: str) -> SideEffects:
             os.chroot(root)
         os.chdir(work)
 
+    run = partial(subprocess.run, env=environment, preexec_fn=enter, stdin=subprocess.DEVNULL, check=False)
     for call in calls:
-        process = subprocess.run(
-            call,
-            env=environment,
-            preexec_fn=enter,
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
+        process = run(call, capture_output=True, text=True)
         effects.status, effects.errors = process.returncode, process.stderr[-2000:]
         if process.returncode:
             break
     time.sleep(0.5)
     effects.sockets, effects.names = _count_unroutable() - before, names
     files = {path for name in ("home", "tmp") for path in (watch_folder / name).rglob("*") if not path.is_dir()}
+    short = {f"{watch_folder}/home": "~", f"{watch_folder}/tmp": "$TMPDIR"}
     effects.files = [
-        str(path).replace(f"{watch_folder}/home", "~").replace(f"{watch_folder}/tmp", "$TMPDIR")
-        for path in sorted(files)
+        re.sub("|".join(map(re.escape, short)), lambda m: short[m[0]], str(path)) for path in sorted(files)
     ]
     if root is not None:
         upper = root.parent / "upper"
@@ -315,8 +290,8 @@ def _count_unroutable() -> int:
     return n_attempts
 
 
-def run_row(name: str, folder: Path, switch: str | None = None) -> SideEffects:
-    """Runs a row of ``COMMANDS``, in an empty folder. ``switch``: as in ``watch_calls``."""
+def watch_command(name: str, folder: Path, switch: str | None = None) -> SideEffects:
+    """Runs one of ``COMMANDS``, in an empty folder. ``switch``: as in ``watch_calls``."""
     from signsplice.formats import save
 
     with open_shipped_lexicon() as words:
@@ -325,26 +300,8 @@ def run_row(name: str, folder: Path, switch: str | None = None) -> SideEffects:
     return watch_calls(COMMANDS[name], folder, switch)
 
 
-def main() -> None:
-    """Runs the commands named, or all; prints a row for each. Exit status 1 if something was sent or left."""
-    if sys.argv[1:2] == ["--requests"]:
-        _call_service()
-        return
-    if sys.argv[1:2] == ["--watch"]:
-        print(json.dumps(asdict(_watch(Path(sys.argv[2]), json.loads(sys.argv[3]), sys.argv[4]))))
-        return
-    print("| command | exit status | sockets | look-ups | foreign files | watched by |")
-    print("| --- | --- | --- | --- | --- | --- |", flush=True)
-    n_bad = 0
-    for name in sys.argv[1:] or COMMANDS:
-        with tempfile.TemporaryDirectory(prefix="ss-", ignore_cleanup_errors=True) as folder:
-            effects = run_row(name, Path(folder))
-        print(f"| {name} | {effects.row()} |", flush=True)
-        n_bad += name != "control" and not (effects.is_clean and effects.status == 0)
-        if effects.status:
-            print(effects.errors, file=sys.stderr)
-    sys.exit(n_bad > 0)
-
-
 if __name__ == "__main__":
-    main()
+    if sys.argv[1] == "--requests":
+        _call_service()
+    else:  # --watch
+        print(json.dumps(asdict(_watch(Path(sys.argv[2]), json.loads(sys.argv[3]), sys.argv[4]))))
