@@ -497,8 +497,9 @@ class _Letters:
             found = [self._letter(c) for c in characters if c.isprintable()]
             return tuple(filter(None, found)) if all(found) else ()
 
-        letters = {c: glosses([c]) or glosses(plain(c)) for c in self.split(word)}
-        return tuple(letters[c] for c in self.split(word))
+        split = self.split(word)
+        letters = {c: glosses([c]) or glosses(plain(c)) for c in {*split}}
+        return tuple(letters[c] for c in split)
 
     def _letter(self, character: str) -> str | None:
         """Return the gloss of a letter or digit, or None."""
