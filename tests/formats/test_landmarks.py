@@ -158,6 +158,7 @@ def test_words_of_another_framing_and_rate_are_moved_scaled_and_resampled(seen: 
     points = result.clip.points
     assert points is not None
     assert points.layout == HOLISTIC, "the first word's header"
+    assert any("NAME: landmarks scaled by 2.0" in line for line in result.warnings)
     span = result.spans[-1]
     assert span.source is not None
     expected = resample(second, 30.0)

@@ -135,6 +135,12 @@ class Planner:
         if (clip.points is None) != (to.landmarks is None) and index:
             which = "has no landmarks" if clip.points is None else f"has landmarks, {to.name} has none"
             warnings = (*warnings, f"{clip.name}: {which}: the sentence is made without any")
+        elif clip.points is not None and to.landmarks is not None and not clip.points.framing.is_like(to.landmarks[1]):
+            scale = to.landmarks[1].scale / clip.points.framing.scale
+            warnings = (
+                *warnings,
+                f"{clip.name}: landmarks scaled by {scale:.2f} and moved to those of {to.name}",
+            )
         if system is not None:
             warnings = (*warnings, *system.rate_warnings(clip))
         frames = FrameMap(n_left_out=resampled_span.start)
