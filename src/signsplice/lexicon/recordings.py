@@ -78,12 +78,7 @@ def read_table(path: str | Path) -> tuple[list[GlossRow], list[str]]:
     ``InputError`` if the file cannot be read, ``FormatError`` if its header is wrong.
     """
     file = str(path)
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv.reader(_open_table(path), strict=True)
     rows: dict[tuple[str, object], GlossRow] = {}
     faults: list[str] = []
     try:
@@ -125,12 +120,7 @@ def read_index(path: str | Path, language: str = "") -> list[GlossRow]:
     tables, and ``InputError`` if it has rows of several languages and the given one is none of them.
     """
     file = str(path)
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=file, line=line) from error
-    reader = csv.DictReader(io.StringIO(text, newline=""))
+    reader = csv.DictReader(_open_table(path))
     every = list[tuple[int, int, dict[str, str]]]()
     try:
         for cells in reader:
@@ -181,6 +171,15 @@ def _index_row(fields: dict[str, str], line: int, taken: set[str], mark: str) ->
     return GlossRow(
         _path(fields["path"]), gloss, synonyms, line=line, span=span, language=check_signed(fields["signed_language"])
     )
+
+
+def _open_table(path: str | Path) -> io.StringIO:
+    """Return the text of a table. Raises ``FormatError`` if it is not UTF-8."""
+    try:
+        return io.StringIO(read_bytes(path).decode("utf-8-sig"), newline="")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise FormatError("is not UTF-8, expected a table saved as UTF-8", file=str(path), line=line) from error
 
 
 def _check_head(head: list[str], file: str) -> None:
