@@ -1,4 +1,4 @@
-"""Fits the pose of a standard person to the landmarks of one framing.
+"""Fits the pose of a standard person to the landmarks of one camera.
 
 The camera is taken as orthographic and upright, the person as facing it. What a single camera cannot know is guessed:
 
@@ -8,7 +8,7 @@ The camera is taken as orthographic and upright, the person as facing it. What a
 - **Hands.** The palm is a plane. Its image gives the plane's slant up to one sign (an orthographic plane and its mirror
   look the same), which the detector's own depth decides, over several frames. Fingers bend in the planes of the hand
   within the limits of their joints, so that their bones look as seen; the detector's depth decides between equals.
-- **Head**: scaled orthography of twelve points of the face (a least-squares affine framing, made orthonormal).
+- **Head**: scaled orthography of twelve points of the face (a least-squares affine camera, made orthonormal).
 - **Trunk**: it leans with the shoulders' middle and tilts with their line; its turns about the vertical are not found.
 
 Places above the shoulders are scaled to the standard person's head, so that a hand at the chin is at the chin. What the
@@ -167,9 +167,9 @@ def _look(
     framing = Framing(scale, float(at[0]), float(at[1]) + scale * (height - float(rest[:, 1].min())), depth)
     notes = ("its signer is seen from behind, or mirrored",) if np.median(left[:, 0] - right[:, 0]) < 0.0 else ()
     metres = {}
-    for place, found in places.items():
-        towards = (depth - found[:, 2]) / scale if has_depth else np.zeros(len(found))
-        metres[place] = np.column_stack([(found[:, 0] - at[0]) / scale, (at[1] - found[:, 1]) / scale, towards])
+    for place, image in places.items():
+        towards = (depth - image[:, 2]) / scale if has_depth else np.zeros(len(image))
+        metres[place] = np.column_stack([(image[:, 0] - at[0]) / scale, (at[1] - image[:, 1]) / scale, towards])
     _stretch_head(metres, rest[roles["head"], 1] + EYES_M - height)
     return framing, _Seen(metres, weights), notes
 
@@ -199,9 +199,9 @@ def _stretch_head(places: dict[str, FloatArray], height: float) -> None:
         return
     eyes = float(np.median(0.5 * (places["face33"] + places["face263"])[:, 1]))
     stretch = float(np.clip(height / max(eyes, 1e-6), *SETTINGS.stretch))
-    for place, found in places.items():
+    for place, positions in places.items():
         if not place.startswith("face"):  # the face's own shape gives the head's rotation
-            found[:, 1] *= np.where(found[:, 1] > 0.0, stretch, 1.0)
+            positions[:, 1] *= np.where(positions[:, 1] > 0.0, stretch, 1.0)
 
 
 def _lean_trunk(local: FloatArray, seen: _Seen, rest: FloatArray, roles: Mapping[str, int]) -> FloatArray:
@@ -422,7 +422,7 @@ def _wrist(seen: _Seen, side: str, length: float) -> FloatArray:
 
 
 def _foreshorten(seen: FloatArray, length: float, fps: float) -> FloatArray:
-    """Return unit directions (T, 3), towards the framing, of a bone that looks as ``seen`` (T, 2); ``length``: of the
+    """Return unit directions (T, 3), towards the camera, of a bone that looks as ``seen`` (T, 2); ``length``: of the
     standard person's, m.
     """
     apart = np.linalg.norm(seen, axis=-1)

@@ -73,7 +73,7 @@ def find_anchors(layout: PointLayout, skeleton: Skeleton) -> Anchors:
     for side in SIDES:  # OpenPose 135 has one wrist, of body and hand
         if f"{side}Wrist" not in rows and f"{side}IndexProximal" in rows and f"{side}Hand" in rows:
             rows[f"{side}Wrist"] = rows[f"{side}Hand"]
-    return Anchors(joints, offsets, {place: tuple(sorted(found)) for place, found in rows.items()})
+    return Anchors(joints, offsets, {place: tuple(sorted(numbers)) for place, numbers in rows.items()})
 
 
 def _anchor(component: str, n_points: int, number: int, point: str) -> tuple[str, str, FloatArray | None]:
@@ -177,7 +177,7 @@ def measure_fit(clip: Clip) -> list[ComponentFit]:
         return []
     anchors = find_anchors(points.layout, clip.skeleton)
     rotations, positions = kinematics.forward(clip)
-    rows = np.array(sorted({row for found in anchors.rows.values() for row in found}), np.intp)
+    rows = np.array(sorted({row for numbers in anchors.rows.values() for row in numbers}), np.intp)
     joints, framing = anchors.joints[rows], points.framing
     places = positions[:, joints] + np.einsum("tpab,pb->tpa", rotations[:, joints], anchors.offsets[rows])
     image = np.stack([framing.x + framing.scale * places[..., 0], framing.y - framing.scale * places[..., 1]], axis=-1)

@@ -165,12 +165,7 @@ def load(
         clip = replace(clip, fps=read.fps, notes=notes if read.fps != clip.fps else clip.notes)
         limits.check_clip(len(clip), len(clip.skeleton), clip.fps, 0.0, 0.0, str(path))
     if face is not None or (clip.face is None and Path(path).with_suffix(".csv").is_file()):
-        from signsplice.formats import live_link
-
-        if face is not None and Path(face).suffix.lower() in READ_SUFFIXES:
-            clip = live_link.with_face_of(clip, load(face, limits), str(face), face_offset)
-        elif (face_file := face or live_link.sidecar(Path(path))) is not None:
-            clip = live_link.with_face(clip, face_file, face_offset, limits, read.face_fps)
+        clip = _add_face(clip, Path(path), face, face_offset, limits, read.face_fps)
     if read.roles is not None:
         from signsplice.formats.roles import with_roles
 
@@ -183,6 +178,18 @@ def load(
     from signsplice.rig.rest_pose import with_rest_pose
 
     return with_rest_pose(clip, read.rest_frame)
+
+
+def _add_face(
+    clip: Clip, path: Path, face: str | Path | None, offset: float, limits: ReadLimits, face_fps: float | None
+) -> Clip:
+    """Return the clip of a file with the face in another file, or without one with that in the CSV file beside it."""
+    from signsplice.formats import live_link
+
+    if face is not None and Path(face).suffix.lower() in READ_SUFFIXES:
+        return live_link.with_face_of(clip, load(face, limits), str(face), offset)
+    face_file = face or live_link.sidecar(path)
+    return clip if face_file is None else live_link.with_face(clip, face_file, offset, limits, face_fps)
 
 
 def parse(content: bytes, file: str, limits: ReadLimits = DEFAULT_LIMITS) -> Clip:

@@ -13,7 +13,7 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from signsplice.children import cores, in_order
 from signsplice.errors import InputError, SignspliceError
@@ -144,45 +144,58 @@ def build(
         raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
     target = Path(output).resolve()
     store = target.with_name(f".{target.name}.prepared") if recipe else None
-    warnings, n_letters, rigs = [*left_out], 0, dict[str, str]()
-
-    def leave_out(line: str) -> None:
-        left_out.append(f"{line}; left out")
-        warnings.append(left_out[-1])
-
+    log, ends_by = _BuildLog([*left_out], left_out), "" if skip_broken or recipe else checks
+    task = FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store, make_card=make_card)
     with atomic.resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
-        for file, word in _prepare_files(
-            files,
-            FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store, make_card=make_card),
-            jobs,
-            progress,
-        ):
-            if isinstance(word, PreparedWord):
-                warnings += word.warnings
+        entries = dict[str, str]()  # gloss -> description of its skeleton
+        n_letters = 0
+        for file, word in _prepare_files(files, task, jobs, progress):
+            if log.takes(word, ends_by):
                 entry = _add_clip(builder, word, file, language)
                 n_letters += entry.kind == "letter"
-                rigs[entry.gloss] = word.skeleton
-            elif skip_broken or recipe:
-                leave_out(word)
-            else:
-                raise InputError(
-                    f"{word}; nothing was built: {checks} shows every fault, skip_broken leaves such clips out"
-                )
+                entries[entry.gloss] = word.skeleton
         for line in refused:
-            leave_out(line)
+            log.leave_out(line)
         for sign, word in _prepare_signs(signs, form, lenient, jobs, progress, make_card):
-            if isinstance(word, PreparedWord):
-                warnings += word.warnings
+            if log.takes(word):
                 _add_written_sign(builder, word, sign, signer, language, lenient)
-            else:
-                leave_out(word)
-        warnings += _role_lines(output, rigs)
+        log.warnings += _role_lines(output, entries)
         if not builder.n_words:
             what = "clip" if folders else "sign"
-            raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {left_out[0]}")
+            raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {log.left_out[0]}")
     searched = [path for path in dict.fromkeys([*folders, *written]) if Path(path).is_dir()]
-    lines = tuple(warnings), tuple(left_out), unread(searched, files, recipe)
+    lines = tuple(log.warnings), tuple(log.left_out), unread(searched, files, recipe)
     return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
+
+
+@dataclass
+class _BuildLog:
+    """What a build says of its words.
+
+    warnings, left_out: as in ``Built``.
+    """
+
+    warnings: list[str]
+    left_out: list[str]
+
+    def takes(self, word: PreparedWord | str, checks: str = "") -> TypeGuard[PreparedWord]:
+        """Return whether a word was prepared, and note its warnings; a broken one is left out. Raises ``InputError``
+        instead if ``checks``, the commands that show every fault, are given.
+        """
+        if isinstance(word, PreparedWord):
+            self.warnings += word.warnings
+            return True
+        if checks:
+            raise InputError(
+                f"{word}; nothing was built: {checks} shows every fault, skip_broken leaves such clips out"
+            )
+        self.leave_out(word)
+        return False
+
+    def leave_out(self, line: str) -> None:
+        """Note that a word is left out."""
+        self.left_out.append(f"{line}; left out")
+        self.warnings.append(self.left_out[-1])
 
 
 def _folders_and_written(inputs: str | Path | Sequence[str | Path]) -> tuple[list[str | Path], list[str | Path]]:

@@ -249,7 +249,7 @@ def stroke_span(scores: NDArray[np.float32], raised: Mask, wrists: NDArray[np.fl
     phases = weights / weights.sum(axis=-1, keepdims=True)
     possible = phases[:, _STROKE] > _STROKES.least_probability
     surest = phases.argmax(axis=-1)
-    goes = are_on_the_way(scores)
+    goes = prepares_or_retracts(scores)
     strokes, _ = scipy.ndimage.label(
         (scipy.ndimage.binary_closing(possible, np.ones(_STROKES.least_pause_frames, bool)) & ~goes) | possible
     )
@@ -289,8 +289,8 @@ def _without_rest_moves(
     return strokes
 
 
-def are_on_the_way(scores: NDArray[np.float32]) -> Mask:
-    """Returns the frames (T,) whose surest phase of scores (T, 5) is preparation or retraction."""
+def prepares_or_retracts(scores: NDArray[np.float32]) -> Mask:
+    """Returns whether the surest phase of each frame, of scores (T, 5), is preparation or retraction (T,)."""
     return np.isin(scores.argmax(axis=-1), (_PREPARATION, _RETRACTION))
 
 

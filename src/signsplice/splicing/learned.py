@@ -416,7 +416,7 @@ def _between_rests(reading: WordReading) -> WordReading:
     if reading.stroke is None:
         return reading
     start, stop = max(reading.stroke[0], reading.active[0]), min(reading.stroke[1] + 1, reading.active[1])
-    kept = np.flatnonzero(~features.are_on_the_way(reading.phases[start:stop]))
+    kept = np.flatnonzero(~features.prepares_or_retracts(reading.phases[start:stop]))
     if not len(kept):
         return reading
     start, stop = start + int(kept[0]), start + int(kept[-1])
