@@ -3,7 +3,7 @@
 The camera is taken as orthographic and upright, the person as facing it. What a single camera cannot know is guessed:
 
 - **Depth of arms** follows from foreshortening: a bone of known length that looks short points towards the camera or
-  away from it (Taylor 2000, Computer Vision and Image Understanding 80: 349-363). Forearms point to the framing, upper
+  away from it (Taylor 2000, Computer Vision and Image Understanding 80: 349-363). Forearms point to the camera, upper
   arms ahead. A wrist is kept in front of head and trunk.
 - **Hands.** The palm is a plane. Its image gives the plane's slant up to one sign (an orthographic plane and its mirror
   look the same), which the detector's own depth decides, over several frames. Fingers bend in the planes of the hand

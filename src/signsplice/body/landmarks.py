@@ -33,8 +33,8 @@ FACE_MESH = {
     "263": (0.045, 0.09, 0.068), "133": (-0.016, 0.09, 0.074), "362": (0.016, 0.09, 0.074), "61": (-0.026, 0.01, 0.085),
     "291": (0.026, 0.01, 0.085), "234": (-0.072, 0.06, 0.0), "454": (0.072, 0.06, 0.0), "168": (0.0, 0.09, 0.09),
 }  # fmt: skip
-"""Points of the face mesh by number -> place on the standard person's head, m from its joint: left, up, ahead. Typical
-sizes of adults (inner and outer canthal, mouth and face width: Farkas 1994), rounded to half a centimetre.
+"""Points of the face mesh by number -> place on the standard person's head, m from its joint: left, up, ahead. A guess
+of a usual face, to half a centimetre: so the fit takes the pitch that it finds in a whole clip for the guess's error.
 """
 EYES_M = 0.09
 """Height of the eyes above the head's joint, m."""
