@@ -124,7 +124,8 @@ def ask_peer(peer: str, command: str, *arguments: object) -> dict[str, Any]:
 
 def seam_motion(points: Points, seams: Sequence[tuple[int, int]], fps: float) -> dict[str, float]:
     """Return how the body's wrists move in seams with a frame on either side, medians over seams and hands, shoulder
-    widths: mean speed, mean size of the jerk, and how far the higher hand drops below the lower end, the worst.
+    widths: mean speed, mean size of the jerk, and how far the higher hand drops below the lower end, the worst; and the
+    time from one seam to the next, the mean.
     """
     rows = [rows_of(points, f"POSE_LANDMARKS/{side}_WRIST")[0] for side in ("LEFT", "RIGHT")]
     values, seen = points.values[:, rows, :2] / shoulder_width(points), points.confidence[:, rows] > 0.0
@@ -138,21 +139,31 @@ def seam_motion(points: Points, seams: Sequence[tuple[int, int]], fps: float) ->
                 jerks.append(jerk[max(start - 3, 0) : stop, side].mean())
         heights = -values[..., 1].min(axis=1)  # of the higher hand
         drops.append(max(0.0, float(min(heights[start - 1], heights[stop]) - heights[start:stop].min(initial=np.inf))))
-    return {"speed": float(np.median(speeds)), "jerk": float(np.median(jerks)), "drop": max(drops, default=0.0)}
+    sign_s = (seams[-1][0] - seams[0][0]) / max(len(seams) - 1, 1) / fps
+    medians = {"speed": float(np.median(speeds)), "jerk": float(np.median(jerks))}
+    return {"sign": sign_s, **medians, "drop": max(drops, default=0.0)}
+
+
+def mean_sign_s(metadata: Path) -> float:
+    """Return the mean time from one gloss of a sentence to the next."""
+    starts = json.loads(metadata.read_text())["sentence"]["glosses"]["start"]
+    return float(np.diff(starts).mean()) / 1000
 
 
 def splice_words(folder: Path, peer: str) -> list[str]:
     """Return the table of a sentence of dictionary words beside the real gaps of running signing."""
     paths = [next((folder / "words").rglob(f"{word}.pose")) for word in SENTENCE]
     clips = [ss.load(path) for path in paths]
-    lines = ["| | seconds | speed at seams | jerk | worst drop | stray points of hands |", "| --- |" + " --- |" * 5]
+    head = "| | seconds | a sign, s | speed at seams | jerk | worst drop | stray points of hands |"
+    lines = [head, "| --- |" + " --- |" * 6]
     real: list[dict[str, float]] = []
     for path in sorted((folder / "sentences").glob("*_original.pose")):
         clip = ss.load(path)
         assert clip.points is not None
-        gaps = find_gaps(path.with_name(path.name.replace("original.pose", "metadata.json")), len(clip), clip.fps)
+        metadata = path.with_name(path.name.replace("original.pose", "metadata.json"))
+        gaps = find_gaps(metadata, len(clip), clip.fps)
         if gaps:
-            real.append(seam_motion(clip.points, gaps, clip.fps))
+            real.append(seam_motion(clip.points, gaps, clip.fps) | {"sign": mean_sign_s(metadata)})
     medians = {name: float(np.median([row[name] for row in real])) for name in real[0]}
     lines.append(_motion_row("gaps of real sentences", None, medians, None))
     for label, tempo in (("signsplice", "citation"), ("signsplice, natural tempo", "natural")):
@@ -186,8 +197,8 @@ def count_stray(points: Points) -> int:
 
 
 def _motion_row(label: str, seconds: float | None, motion: dict[str, float], stray: int | None) -> str:
-    cells = ("" if seconds is None else f"{seconds:.2f}", f"{motion['speed']:.2f}", f"{motion['jerk']:.0f}",
-             f"{motion['drop']:.2f}", "" if stray is None else str(stray))  # fmt: skip
+    cells = ("" if seconds is None else f"{seconds:.2f}", f"{motion['sign']:.2f}", f"{motion['speed']:.2f}",
+             f"{motion['jerk']:.0f}", f"{motion['drop']:.2f}", "" if stray is None else str(stray))  # fmt: skip
     return f"| {label} | " + " | ".join(cells) + " |"
 
 
