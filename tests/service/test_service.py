@@ -252,6 +252,8 @@ def test_lexicon_pages_hold_every_word_once(service: httpx.Client) -> None:
     rest = service.get("/v1/lexicon", params={"start": 2, "limit": 1000}).json()
     with open_shipped_lexicon() as lexicon:
         assert [word["gloss"] for word in first["words"] + rest["words"]] == list(lexicon.glosses)
+        languages = [lexicon.language_of(gloss) for gloss in lexicon.glosses]
+        assert [word["language"] for word in first["words"] + rest["words"]] == languages
         assert first["total"] == len(lexicon)
 
 

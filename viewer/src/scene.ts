@@ -15,9 +15,9 @@ export interface SeamAt {
   warnings: string[];
 }
 
-/** The names of signs as people read them: those of letters without the ``fs-`` of the lexicon. */
+/** The names of signs as people read them: those of letters without the ``fs-`` and ``@GSG`` of the lexicon. */
 export function label(names: string): string {
-  return names.replace(/(^|\s)fs-(?=\S)/gi, '$1');
+  return names.replace(/(^|\s)fs-(\S+?)(@[a-z]{3})?(?=\s|$)/gi, '$1$2');
 }
 
 /** What a scene signs, in one line. */

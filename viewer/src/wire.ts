@@ -173,6 +173,7 @@ export interface LexiconWord {
   seconds: number;
   signer: string;
   checked: boolean;
+  language: string;
 }
 
 /** One page of the lexicon's words, in order. */

@@ -228,11 +228,14 @@ def _add_state_routes(app: FastAPI, service: Service) -> None:
         limit: Annotated[int, Query(ge=1, le=1000)] = 100,
     ) -> wire.WordList:
         """Words of the lexicon in order; with ``search``, those that begin with it come first."""
-        matches = service.lexicon.search(search)
+        matches, language_of = service.lexicon.search(search), service.lexicon.language_of
         words = [
-            wire.LexiconWord(e.gloss, e.kind, list(e.synonyms), round(e.seconds, 3), e.signer, e.checked)  # type: ignore[arg-type]
-            for e in matches[start : start + limit]
-        ]
+            wire.LexiconWord(
+                word.gloss, word.kind, list(word.synonyms), round(word.seconds, 3),  # type: ignore[arg-type]
+                word.signer, word.checked, language_of(word.gloss),
+            )
+            for word in matches[start : start + limit]
+        ]  # fmt: skip
         return wire.WordList(words, len(matches))
 
 

@@ -237,6 +237,7 @@ class LexiconWord:
     seconds: length of the clip, rest included.
     signer: name of the signer.
     checked: whether a signer has confirmed that the clip shows this sign.
+    language: code of the signed language, such as ase; empty if unknown.
     """
 
     gloss: str
@@ -245,6 +246,7 @@ class LexiconWord:
     seconds: float
     signer: str
     checked: bool
+    language: str
 
 
 @dataclass(frozen=True)
