@@ -17,7 +17,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,9 @@ N_RECIPES, SHARD_SIZE = 240, 6
 TIME_LIMIT_S = 1500.0
 _STARTS = 5
 Content = dict[str, bytes]
-Kill = Callable[[psutil.Process], bool]
-
-
-def make_command(*arguments: str | Path) -> list[str]:
-    """Returns the words of a command line that calls ``signsplice``."""
-    return [sys.executable, "-m", "signsplice", *map(str, arguments)]
+Kill = Callable[[psutil.Process], object]
+"""Kills something of a driver's run; returns False if there is nothing yet."""
+_BULK = (sys.executable, "-m", "signsplice", "bulk")
 
 
 def read_folder(folder: Path) -> Content:
@@ -81,7 +78,7 @@ def run_disturbed(
                 kind = rng.choice(sorted(kills))
                 time.sleep(rng.uniform(0.0, 0.3))
                 with suppress(psutil.NoSuchProcess):
-                    if kills[kind](driver):
+                    if kills[kind](driver) is not False:
                         kill_counts[kind] += 1
                         n_before = count_shards()
         finally:
@@ -91,21 +88,6 @@ def run_disturbed(
             return kill_counts
         if driver.returncode != -9:
             raise RuntimeError(f"{folder}: the call ended with status {driver.returncode}")
-
-
-def kill_driver(driver: psutil.Process) -> bool:
-    """Kills the process that was called."""
-    driver.kill()
-    return True
-
-
-@contextmanager
-def start_processes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, Kill]]]:
-    """Yields options for two worker processes, and how to kill them and the driver."""
-    yield (
-        ["--workers", "2"],
-        {"worker": lambda driver: kill_worker(driver, rng), "driver": kill_driver},
-    )
 
 
 @contextmanager
@@ -125,15 +107,14 @@ def start_two_nodes(rng: random.Random) -> Iterator[tuple[list[str], dict[str, K
 
     nodes = [start()]
 
-    def kill_node(_: psutil.Process) -> bool:
+    def kill_node(_: psutil.Process) -> None:
         cluster.remove_node(nodes.pop(), allow_graceful=False)
         nodes.append(start())
-        return True
 
     kills: dict[str, Kill] = {
         "actor": lambda driver: kill_worker(driver, rng, ("ray::MapWorker", "ray::ShardActor")),
         "node": kill_node,
-        "driver": kill_driver,
+        "driver": psutil.Process.kill,
     }
     try:
         yield ["--ray", cluster.address], kills
@@ -145,16 +126,14 @@ def attack(folder: Path, n_kills: int, on_ray: bool, seed: int = 0, n_recipes: i
     """Kills runs until there were ``n_kills`` kills, and returns the number of each kind. Raises ``AssertionError`` if
     a run makes other files than an undisturbed one with one worker.
     """
-    rng, table, undisturbed, disturbed = (
-        random.Random(seed),
-        *(folder / n for n in ("recipes.csv", "whole", "disturbed")),
-    )
-    recipes = make_command("bulk", "recipes", "-o", table, "--count", str(n_recipes), "--words", "2:4")
+    rng, (table, undisturbed, disturbed) = random.Random(seed), (folder / n for n in ("recipes.csv", "whole", "new"))
+    recipes = [*_BULK, "recipes", "-o", str(table), "--count", str(n_recipes), "--words", "2:4"]
     subprocess.run(recipes, check=True)
-    call = make_command("bulk", "sentences", table, "--shard-size", str(SHARD_SIZE))
+    call = [*_BULK, "sentences", str(table), "--shard-size", str(SHARD_SIZE)]
     subprocess.run([*call, "--workers", "1", "-o", str(undisturbed)], check=True)
     expected, kill_counts = read_folder(undisturbed), Counter[str]()
-    with start_two_nodes(rng) if on_ray else start_processes(rng) as (placement, kills):
+    on_processes: dict[str, Kill] = {"worker": lambda driver: kill_worker(driver, rng), "driver": psutil.Process.kill}
+    with start_two_nodes(rng) if on_ray else nullcontext((["--workers", "2"], on_processes)) as (placement, kills):
         while kill_counts.total() < n_kills:
             run_counts = run_disturbed([*call, *placement], disturbed, kills, n_kills - kill_counts.total(), rng)
             files = read_folder(disturbed)
