@@ -21,14 +21,17 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import chain, cycle, islice
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
 from websockets.exceptions import ConnectionClosed, InvalidMessage
 from websockets.sync.client import connect
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 import service_callers as callers
 from service_callers import WORDS, CallerRecord, encode_word, get_stream_address
+from serving import http_client, wait_until_warm
 
 _SECONDS = 10.0
 """Greatest length of a flood, s."""
@@ -264,8 +267,9 @@ def main(names: list[str]) -> None:
     """Prints a row for each flood, after a run that is not measured: the first one loads files into memory."""
     print(f"| flood beside four paced streams ({os.cpu_count()} cores) | seen |\n| --- | --- |")
     for number, name in enumerate(["none", *(names or FLOODS)]):
-        with callers.start_service() as address:
-            seen, attacker_outcome = asyncio.run(_measure_flood(address, name))
+        with http_client("serve") as client:
+            wait_until_warm(client)
+            seen, attacker_outcome = asyncio.run(_measure_flood(str(client.base_url).rstrip("/"), name))
             if number:
                 print(f"| {name} | {seen}; the attacker: {attacker_outcome or '-'} |", flush=True)
 

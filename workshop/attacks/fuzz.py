@@ -29,8 +29,9 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "workshop" / "tests" / "fuzz_corpus"
-NAMES = ("avatar", "fbxavatar", "lexicon", "gltf", "fbx", "recipes", "shards", "bundle", "npz", "smplx", "bvh", "signs",
-         "roles", "written", "report", "pairs", "lines", "glosses", "face")  # fmt: skip
+NAMES = ("avatar", "fbxavatar", "landmarks", "lexicon", "gltf", "fbx", "recipes", "shards", "bundle", "npz", "smplx",
+         "pickle", "array", "pose", "bvh", "signs", "roles", "written", "report", "pairs", "lines", "glosses",
+         "face")  # fmt: skip
 """The targets, slowest first."""
 MAX_CPU_S = 5.0
 """Processor time limit of a case, s."""

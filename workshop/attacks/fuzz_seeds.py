@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import io
 import json
+import pickle
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -97,6 +98,37 @@ def make_smplx_seeds() -> list[bytes]:
     parts = io.BytesIO()
     np.savez(parts, global_orient=poses[:, :3], body_pose=poses[:, 3:66], left_hand_pose=poses[:, 75:120], fps=24)
     return [file_bytes, parts.getvalue()]
+
+
+def make_pickle_seeds() -> list[bytes]:
+    """Returns pickles of SMPL-X poses by name, in a dict of a dict, as one array, and as a dict a frame."""
+    rng = np.random.default_rng(0)
+    parts: dict[str, Any] = {"global_orient": (9, 3), "body_pose": (9, 63), "left_hand_pose": (9, 45)}
+    arrays = {name: (0.1 * rng.normal(size=shape)).astype(np.float32) for name, shape in parts.items()}
+    frames = [{name: values[n] for name, values in arrays.items()} for n in range(3)]
+    values = (arrays | {"fps": 24}, {"smplx": arrays, "fps": 30.0}, {"smplx": rng.normal(size=(4, 182))}, frames)
+    return [pickle.dumps(value, protocol) for value in values for protocol in (0, 2, 4)]
+
+
+def make_array_seeds() -> list[bytes]:
+    """Returns arrays of poses in rows of 182 and 322 numbers."""
+    streams = [io.BytesIO(), io.BytesIO()]
+    for stream, shape in zip(streams, ((4, 182), (3, 322)), strict=True):
+        np.save(stream, np.linspace(-1.0, 1.0, np.prod(shape)).reshape(shape))
+    return [stream.getvalue() for stream in streams]
+
+
+def make_pose_seeds() -> list[bytes]:
+    """Returns landmarks of another writer, and of a clip."""
+    return [(ROOT / "tests" / "golden" / "pose_format.pose").read_bytes(), formats.encode(make_clip(), "a.pose")]
+
+
+def make_landmarks_seeds() -> list[bytes]:
+    """Returns a folder of landmarks with the table of spoken-to-signed."""
+    head = "path,spoken_language,signed_language,start,end,words,glosses,priority"
+    table = f"{head}\na.pose,de,gsg,0,0,hallo,HALLO,0\nb.pose,de,gsg,100,300,Haus,HAUS,1\n"
+    clips = {f"{name}.pose": formats.encode(make_clip(n), "a.pose") for n, name in enumerate("ab")}
+    return [pack({"index.csv": table.encode(), **clips})]
 
 
 def make_gltf_seeds() -> list[bytes]:

@@ -8,6 +8,8 @@ import ast
 import hashlib
 import io
 import json
+import pickle
+import pickletools
 import random
 import re
 import sqlite3
@@ -122,6 +124,15 @@ def _join_npy(tree: Any) -> bytes:
     head += b" " * (-(len(head) + 11) % 64) + b"\n"
     array: bytes = tree.get("array", b"")
     return b"\x93NUMPY\1\0" + struct.pack("<H", len(head)) + head + array
+
+
+def _split_pickle(content: bytes) -> list[bytes]:
+    starts = [position or 0 for *_, position in pickletools.genops(content)]
+    return [content[start:stop] for start, stop in zip(starts, [*starts[1:], len(content)], strict=True)]
+
+
+def _join_pickle(instructions: Any) -> bytes:
+    return b"".join(part if isinstance(part, bytes) else pickle.dumps(part)[2:-1] for part in instructions)
 
 
 def unpack(archive: bytes) -> dict[str, bytes]:
@@ -240,10 +251,15 @@ CODECS: dict[str, Codec] = {
     ".txt": (_split_text, _join_text), ".json": (json.loads, _join_json), ".glb": (split_glb, join_glb),
     ".npy": (_split_npy, _join_npy), ".zip": (unpack, _pack_folder), ".sqlite": (_split_sqlite, _join_sqlite),
     ".onnx": (_split_onnx, _join_onnx), ".parquet": (_split_parquet, _join_parquet),
+    ".pkl": (_split_pickle, _join_pickle),
 }  # fmt: skip
 
 
-_STARTS = {b"glTF": ".glb", b"PK": ".zip", b"PAR1": ".parquet", b"Kaydara": "", b"{": ".json", b"[": ".json"}
+_STARTS = {
+    b"glTF": ".glb", b"PK": ".zip", b"PAR1": ".parquet", b"Kaydara": "", b"{": ".json", b"[": ".json",
+    b"\x93NUMPY": ".npy", b"\x80": ".pkl", b"(": ".pkl", b"\xcd\xcc\xcc\x3d": "", b"\xcd\xcc\x4c\x3e": "",
+}  # fmt: skip
+"""First bytes of a file -> its kind; .pose files, whose first number is their version, have no structure here."""
 
 
 def find_suffix(content: bytes) -> str:

@@ -1,18 +1,14 @@
-"""Runs a service on loopback for attacks, and measures its honest callers meanwhile."""
+"""Measures honest callers of a service that is attacked."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import cycle, islice
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -20,30 +16,10 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-SOURCE = Path(__file__).resolve().parents[2] / "src"
 WORDS = ("HELLO", "DEAF", "FRIEND", "THANK-YOU", "SIGN", "MY", "NAME")
 _N_PREFETCHED = 3
 """Number of words that a stream's caller sends before they are needed."""
 _FPS = 30.0
-
-
-@contextmanager
-def start_service(*arguments: str) -> Iterator[str]:
-    """Starts a service and waits for its workers; yields its address."""
-    call = [sys.executable, "-m", "signsplice", "serve", "--port", "0", *arguments]
-    path = os.pathsep.join([str(SOURCE), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
-    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment)
-    assert process.stdout is not None
-    try:
-        line = process.stdout.readline()
-        address = line[line.index("http://") :].split()[0].rstrip("/")
-        while httpx.get(f"{address}/healthz", timeout=60.0, trust_env=False).status_code == 503:
-            time.sleep(0.1)
-        yield address
-    finally:
-        process.kill()
-        process.wait()
 
 
 @dataclass
