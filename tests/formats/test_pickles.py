@@ -5,7 +5,6 @@ from __future__ import annotations
 import builtins
 import os
 import pickle
-import time
 import tracemalloc
 from pathlib import Path
 from typing import Any
@@ -158,14 +157,12 @@ _FRAME = pickle.dumps({"poses": np.zeros(165), "betas": np.zeros(100_000)}, prot
     ],
     ids=["lists", "marks", "dicts", "shared tuples", "growing tuples", "texts", "frames", "many frames", "no poses"],
 )
-def test_small_pickles_take_no_unbounded_memory_or_time(content: bytes, tmp_path: Path) -> None:
+def test_small_pickles_take_no_unbounded_memory(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.pkl"
     tracemalloc.start()
-    start = time.process_time()
     error_of(content, path)
-    seconds, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1]
+    peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert seconds < 20.0, "with tracemalloc, which takes most of it"
     assert peak < (64 << 20) + 10 * len(content)
 
 

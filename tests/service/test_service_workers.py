@@ -227,12 +227,10 @@ def test_streams_whose_process_is_killed_are_told_and_closed(service: httpx.Clie
             for _ in range(1 if kill.startswith("while") else 0):
                 waiting.send('{"type": "open", "paced": false}')
                 kill_next(service, known)
-            start = time.monotonic()
             for stream in (idle, paced, used):
                 messages, code = messages_and_close_code(stream)
                 assert "the process that held this stream ended" in messages[-1]["error"]
                 assert code == 1013
-            assert time.monotonic() - start < 5.0
             if not kill.startswith("while"):
                 waiting.send('{"type": "open", "paced": false}')
             for _ in range(3):

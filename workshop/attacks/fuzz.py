@@ -57,8 +57,12 @@ def main() -> int:
         "--coverage", action="store_true", help="prefer files that reach new lines of code: fewer cases, most refused"
     )
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--flags", default="", help=argparse.SUPPRESS)
     options = parser.parse_args()
     names = options.targets or NAMES
+    if options.child:
+        further = [path.read_bytes() for path in sorted(options.seeds.iterdir())] if options.seeds else []
+        return _run_child(names[0], options.child, options.flags.split(), further, options.coverage)
     if unknown := [name for name in names if name not in NAMES]:
         parser.error(f"no target {unknown[0]!r}, expected of {', '.join(NAMES)}")
     jobs = min(options.jobs, len(names))
@@ -66,27 +70,24 @@ def main() -> int:
     n_cases = options.cases or (-1 if options.minutes else 2000)
     flags = [f"-max_total_time={seconds}", f"-runs={n_cases}", f"-seed={options.seed + 1}", f"-timeout={MAX_WAIT_S}"]
     flags += ["-rss_limit_mb=0", "-max_len=300000", "-len_control=0", "-keep_seed=1", "-mutate_depth=2", "-verbosity=0"]
-    if options.child:
-        further = [path.read_bytes() for path in sorted(options.seeds.iterdir())] if options.seeds else []
-        return _run_child(names[0], options.child, flags, further, options.coverage)
     print(f"| target | {' | '.join(_COUNTS)} |\n|{' --- |' * (len(_COUNTS) + 1)}", flush=True)
     n_findings = 0
     with ThreadPoolExecutor(jobs) as pool:
-        for running in as_completed([pool.submit(_fuzz, name) for name in names]):
+        for running in as_completed([pool.submit(_fuzz, name, flags) for name in names]):
             row, finding = running.result()
             print(f"{row}\n{finding}".rstrip(), flush=True)
             n_findings += finding != ""
     return int(n_findings > 0)
 
 
-def _fuzz(name: str) -> tuple[str, str]:
-    """Returns a target's row, and the end of what its process said if it has a finding."""
+def _fuzz(name: str, flags: list[str]) -> tuple[str, str]:
+    """Returns a target's row, and the end of what its process said if it has a finding. ``flags``: of libFuzzer."""
     base = "/dev/shm" if Path("/dev/shm").is_dir() else None  # in memory: cases read many files
     path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])  # for avatars.py
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=base) as folder:
         counts = np.memmap(Path(folder) / "counts", "f8", "w+", shape=len(_COUNTS))
         words = [word for word in sys.argv[1:] if word not in NAMES]
-        command = [sys.executable, __file__, *words, "--child", folder, name]
+        command = [sys.executable, __file__, *words, "--child", folder, f"--flags={' '.join(flags)}", name]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
         process = subprocess.run(command, capture_output=True, check=False, env=environment)
         cells = (f"{count:,.0f}" if number < 3 else f"{count:.2f}" for number, count in enumerate(counts))

@@ -23,6 +23,7 @@ from signsplice.motion.cache import CACHE
 from signsplice.motion.points import Component, Float32, Framing, PointLayout, Points
 
 _VERSIONS = 0.1, 0.2
+_N_JOINTS = 52
 _LEAST_SEEN = 0.3
 """Fraction of frames in which a person must be seen to count as one."""
 
@@ -73,7 +74,8 @@ def parse(content: bytes, file: str = "", limits: ReadLimits = DEFAULT_LIMITS) -
         notes = (f"of {n_people} people one is seen in most frames: the others are left out",)
     if not values.shape[1]:
         raise InputError("it shows nobody: no person in any frame")
-    return clip_of(layout, values[:, 0], confidence[:, 0], fps, stem(file), notes, limits)
+    limits.check_clip(len(values), _N_JOINTS, fps, values.nbytes + confidence.nbytes, values.nbytes, file)
+    return clip_of(layout, values[:, 0], confidence[:, 0], fps, stem(file), notes)
 
 
 def clip_of(
@@ -83,13 +85,11 @@ def clip_of(
     fps: float,
     name: str,
     notes: tuple[str, ...] = (),
-    limits: ReadLimits = DEFAULT_LIMITS,
 ) -> Clip:
     """Return the clip of a standard person fitted to landmarks (T, P, D). Raises the errors of ``parse``."""
     from signsplice.body.landmark_fit import fit_person  # it imports scipy, which stored landmarks do not need
 
-    bones = CACHE.recent(skeleton, 52, most=2)
-    limits.check_clip(len(values), len(bones), fps, values.nbytes + confidence.nbytes, values.nbytes, name)
+    bones = CACHE.recent(skeleton, _N_JOINTS, most=2)
     plain = np.where((confidence > 0.0)[..., None], values, np.float32(0.0))
     fitted = fit_person(CACHE.recent(find_anchors, layout, bones, most=8), plain, confidence, fps, bones)
     points = Points(layout, values, confidence, fitted.framing)

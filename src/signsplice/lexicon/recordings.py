@@ -109,7 +109,7 @@ def has_index(folder: str | Path) -> bool:
     if (folder / TABLE).exists() or not (folder / INDEX).is_file():
         return False
     head = read_bytes(folder / INDEX)[:2000].decode("utf-8-sig", "replace")
-    return {cell.strip() for cell in next(csv.reader(io.StringIO(head)), [])} >= _INDEX_COLUMNS
+    return {cell.strip() for cell in next(csv.reader(head.splitlines()), [])} >= _INDEX_COLUMNS
 
 
 def read_index(path: str | Path, language: str = "") -> list[GlossRow]:
@@ -225,7 +225,9 @@ def _row(head: list[str], cells: list[str], line: int) -> GlossRow:
 
 
 def _path(cell: str) -> str:
-    """Return a path relative to the folder, with forward slashes."""
+    """Return a path relative to the folder, with forward slashes. Raises ``InputError`` for one that no file has."""
+    if "\0" in cell:
+        raise InputError(f"the path {cell[:40]!r} holds a zero byte")
     return cell.replace("\\", "/").removeprefix("./")
 
 

@@ -6,9 +6,9 @@ to, as far from it as it was seen, and fades by its confidence: so a hand that c
 
 Rejected: to hang every point on its joint and let the pose's path carry it. Hidden frames of real signing are then
 filled worse, with and without turning the points with the joint (workshop/docs/measured/landmarks.md): a pose that is
-guessed from one camera trembles more than the points that it was guessed from. Nor a Gaussian process over three frames at
-either end, which also keeps accelerations: it fills hidden frames better (26.7 thousandths of a shoulder width instead
-of 31.4), but between words it carries on the fall of a hand, which then drops .3 of a shoulder width instead of .1.
+guessed from one camera trembles more than the points that it was guessed from. Nor a Gaussian process over three frames
+at either end, which also keeps accelerations: it fills hidden frames better (26.7 thousandths of a shoulder width
+instead of 31.4), but between words it carries on the fall of a hand, which then drops .3 shoulder widths instead of .1.
 """
 
 from __future__ import annotations
