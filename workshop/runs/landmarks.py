@@ -35,6 +35,8 @@ LENGTHS = ((1, 2), (3, 4), (5, 8), (9, 99))
 """Groups of gaps by their number of frames."""
 SENTENCE = ("kleine", "kinder", "essen", "pizza")
 """Words of the sentence that is spliced."""
+REAL_S = 0.44
+"""Mean time of a sign and the gap after it in the sentences, s."""
 
 Places = NDArray[np.float64]
 
@@ -166,13 +168,14 @@ def splice_words(folder: Path, peer: str) -> list[str]:
             real.append(seam_motion(clip.points, gaps, clip.fps) | {"sign": mean_sign_s(metadata)})
     medians = {name: float(np.median([row[name] for row in real])) for name in real[0]}
     lines.append(_motion_row("gaps of real sentences", None, medians, None))
-    for label, tempo in (("signsplice", "citation"), ("signsplice, natural tempo", "natural")):
+    tempos: dict[str, str | float] = {"": "citation", ", natural tempo": "natural", f", {REAL_S} s a sign": REAL_S}
+    for label, tempo in tempos.items():
         result = ss.splice(clips, ss.SpliceOptions(tempo=tempo))
         points = result.clip.points
         assert points is not None
         seams = [span.output for span in result.spans if span.kind == "transition"]
         motion = seam_motion(points, seams, result.clip.fps)
-        lines.append(_motion_row(label, result.clip.seconds, motion, count_stray(points)))
+        lines.append(_motion_row(f"signsplice{label}", result.clip.seconds, motion, count_stray(points)))
     if peer:
         theirs = ask_peer(peer, "stitch", *paths)
         first = clips[0].points
@@ -181,7 +184,7 @@ def splice_words(folder: Path, peer: str) -> list[str]:
         seams = [(int(start), int(stop)) for start, stop in theirs["seams"]]
         motion = seam_motion(points, seams, float(theirs["fps"]))
         lines.append(_motion_row("spoken-to-signed 0.4.0", len(points) / theirs["fps"], motion, count_stray(points)))
-    return lines
+    return [*lines, "", "Asked for real signing's tempo, signs stop at people's highest speeds and accelerations."]
 
 
 def count_stray(points: Points) -> int:
