@@ -151,6 +151,17 @@ def test_a_surface_is_the_outermost_skin_and_follows_its_joints(monkeypatch: pyt
     assert skin_surface.surface(mesh, [0, 1], np.zeros((2, 3)), 0.004) is None, "more than its bound"
 
 
+def test_the_far_side_of_a_nail_does_not_hide_a_hand_above_it() -> None:
+    """A nail 0.2 mm thick whose lower side has the point nearest to a hand 5 mm above it."""
+    nail = np.array([[0.0, 0.0, -0.0002], [0.002, 0.0, 0.0]])
+    normals = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    for z, expected in ((0.005, 0.005), (-0.004, 0.0038)):
+        height, heights, _ = skin_surface.least_height(np.array([[0.0, 0.0, z]]), nail, normals, 0.003, 0.015)
+        np.testing.assert_allclose([height, *heights], expected, atol=1e-7)
+    far = skin_surface.least_height(np.array([[0.0, 0.0, 0.04]]), nail, normals, 0.003, 0.015)
+    assert far[0] == np.inf
+
+
 def test_convert_puts_a_file_onto_an_avatar(folder: Path, tmp_path: Path) -> None:
     clip, out, report, avatar = (str(p) for p in (folder / "NAME.bvh", tmp_path / "o.vrma", tmp_path / "r.json",
                                                   folder / "narrow.vrm"))  # fmt: skip

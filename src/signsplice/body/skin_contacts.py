@@ -46,9 +46,9 @@ class SkinFitSettings:
     """Distance beyond such a layer up to which points of the other skin may become the nearest as hands move, m."""
     run: int = 12
     """Number of frames whose skins are posed together."""
-    edge_spacings: float = 1.5
-    """Largest distance of a hand's point from the normal through the nearest point of the other skin, in distances
-    between the points of that skin; farther ones are beyond its edge.
+    edge_spacings: tuple[float, float] = (1.5, 0.75)
+    """Largest distance of a hand's point from the normal through the nearest point of the body and of the other hand,
+    in distances between the points of that skin; farther ones are beyond its edge, as beside a finger.
     """
     lowest_fade_m: float = 0.001
     """Height above the lowest point of a hand over which a point's weight falls by a factor e, m."""
@@ -166,7 +166,8 @@ class SkinFit:
         meeting = self._meetings[k]
         moved = extra[meeting.frames, meeting.side] - (extra[meeting.frames, 1] if meeting.what == _HANDS else 0.0)
         lowest, directions = np.full(len(moved), np.inf), np.zeros((len(moved), 3))
-        most_across, thick = _SETTINGS.edge_spacings * self._spacing[meeting.what], HALF_THICKNESS_M[meeting.what]
+        most_across = _SETTINGS.edge_spacings[meeting.what] * self._spacing[meeting.what]
+        thick = HALF_THICKNESS_M[meeting.what]
         reach = np.where(meeting.held > 0.0, np.inf, np.hypot(most_across, CONTACTS.clearance_m))  # no more has weight
         reach += np.linalg.norm(moved, axis=1)
         for n, (pose, by) in enumerate(zip(self._poses[k], moved, strict=True)):

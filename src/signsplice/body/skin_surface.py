@@ -52,6 +52,8 @@ class SurfaceSettings:
     """Least cosine between the normals of two points that face the same way."""
     comparison_m: float = 0.03
     """Largest distance of points of two skins that are compared, m."""
+    sheet_m: float = 0.0015
+    """Distance beyond the nearest point of skin up to which others count as near, m: both sides of a nail do."""
     patch_m: float = 0.03
     """Size of a patch of points that is tested as a whole, m."""
 
@@ -314,12 +316,19 @@ def least_height(
     """Returns the least height of a hand's points (H, 3) above a surface's points and normals (N, 3), along the normal
     of the nearest one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from
     the line of that normal than ``most_across``, or deeper than ``half_thickness``, are beyond the surface's edge; all
-    in m, near the origin.
+    in m, near the origin. Of points within ``sheet_m`` of the nearest, that with the largest height counts: the lower
+    side of a nail, and a crease that linear blend turns inside out, see points outside from behind.
     """
-    nearest = squared_distances(hand, points).argmin(axis=1)
-    outward, offsets = normals.take(nearest, axis=0), hand - points.take(nearest, axis=0)
-    height, squared = np.einsum("nx,nx->n", offsets, outward), np.einsum("nx,nx->n", offsets, offsets)
-    over = (squared < _SURFACE.comparison_m**2) & (squared - height**2 < most_across**2) & (height > -half_thickness)
+    squared = squared_distances(hand, points)
+    least = np.sqrt(np.abs(squared.min(axis=1)))
+    limits = np.where(least < _SURFACE.comparison_m, least + _SURFACE.sheet_m, 0.0)
+    rows, near = np.nonzero(squared < (limits * limits)[:, None])
+    outward, offsets = normals.take(near, axis=0), hand.take(rows, axis=0) - points.take(near, axis=0)
+    height = np.einsum("nx,nx->n", offsets, outward)
+    highest = np.lexsort((height, rows))[np.flatnonzero(np.diff(rows, append=-1))]
+    height, outward, offsets = height[highest], outward[highest], offsets[highest]
+    across_squared = np.einsum("nx,nx->n", offsets, offsets) - height**2
+    over = (across_squared < most_across**2) & (height > -half_thickness)
     return float(height[over].min(initial=np.inf)), height[over], outward[over]
 
 

@@ -3,7 +3,7 @@
 
 The fit of motion to an avatar looks at some points of hands and skin; here every vertex of a hand is measured, in every
 frame in which the hand signs, against points 3 mm apart on the posed triangles of head, neck and trunk. Where both
-hands sign, the left hand is measured against the right one too, but not the right one against the left. A vertex deeper
+hands sign, each is measured against the other too. A vertex deeper
 than ``HALF_THICKNESS_M`` (30 mm in the body, 15 mm in a hand) sees the nearest skin from behind and does not count.
 """
 
@@ -151,8 +151,8 @@ def _source_distances(word: Clip) -> dict[str, FloatArray]:
 
 
 def _lowest_vertex_heights(clip: Clip, avatar: Avatar, is_signing: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Returns the heights (T, 2) of each hand's lowest vertex above head and trunk, and, in the first column, of the
-    left hand's above the right one, m; infinite if far, or if the hand does not sign.
+    """Returns the heights (T, 2) of each hand's lowest vertex above head and trunk, and, in the first column, of
+    either hand's above the other, m; infinite if far, or if the hand does not sign.
     """
     skin = body_capsules(avatar).skin
     assert skin is not None
@@ -160,7 +160,8 @@ def _lowest_vertex_heights(clip: Clip, avatar: Avatar, is_signing: NDArray[np.bo
     hands = [kinematics.subtree(avatar, roles[f"{side}Hand"]) for side in SIDES]
     hand_vertices = [np.flatnonzero(mesh.is_of(joints, bare=True)) for joints in hands]
     body = [roles[role] for role in BODY if role in roles]
-    surfaces = mesh.samples(body, _POINT_SPACING_M), mesh.samples(hands[1], _POINT_SPACING_M, bare=True)
+    surface = mesh.samples(body, _POINT_SPACING_M)
+    left, right = (mesh.samples(joints, _POINT_SPACING_M, bare=True) for joints in hands)
     rotations, positions = kinematics.forward(clip)
     heights = np.full((2, len(clip), 2), np.inf)
     for frame in np.flatnonzero(is_signing.any(axis=1)).tolist():
@@ -173,11 +174,12 @@ def _lowest_vertex_heights(clip: Clip, avatar: Avatar, is_signing: NDArray[np.bo
             )
         for side in (0, 1):
             if is_signing[frame, side]:
-                heights[0, frame, side] = _lowest_height(
-                    vertices, hand_vertices[side], surfaces[0], HALF_THICKNESS_M[0]
-                )
+                heights[0, frame, side] = _lowest_height(vertices, hand_vertices[side], surface, HALF_THICKNESS_M[0])
         if is_signing[frame].all():
-            heights[1, frame, 0] = _lowest_height(vertices, hand_vertices[0], surfaces[1], HALF_THICKNESS_M[1])
+            heights[1, frame, 0] = min(
+                _lowest_height(vertices, own, other, HALF_THICKNESS_M[1])
+                for own, other in zip(hand_vertices, (right, left), strict=True)
+            )
     return heights[0], heights[1]
 
 
