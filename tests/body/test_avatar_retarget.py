@@ -94,6 +94,15 @@ def test_vertices_of_hands_lie_where_skins_met_at_the_source(folder: Path, gloss
     assert max(row.deepest for row in rows) < 0.005
 
 
+@pytest.mark.slow
+def test_skin_beside_a_finger_holds_no_hands_apart(folder: Path) -> None:
+    """They were 2.2 mm apart when skin up to 10 mm beside a finger counted as below it."""
+    rows = avatar_measures.measure_words([ss.read_avatar(folder / "narrow.vrm")], [open_shipped_lexicon().clip("NAME")])
+    (row,) = (row for row in rows if row.skin == "hand")
+    assert row.n_touching > 10
+    assert row.median < 0.0019
+
+
 def test_skin_moves_hands_smoothly_and_only_where_they_touch(folder: Path) -> None:
     avatar, clip = ss.read_avatar(folder / "narrow.vrm"), open_shipped_lexicon().clip("PLEASE")
     assert avatar.body is not None
