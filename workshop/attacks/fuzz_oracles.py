@@ -30,6 +30,8 @@ _TURNED = 1e-3
 """Greatest error of a joint's axes, as components of unit vectors."""
 _NEAR = 1e-3
 """Greatest error of a key's time, frames: files store times in 32 bits."""
+_ROUNDED = 1e-8
+"""Step of the numbers that are derived for a BVH file, whatever its unit."""
 _JUDGED_FRAMES = 24
 """Largest number of frames of a clip that are compared: the evaluators are slow."""
 _RATE, _NAMED_RATE = 0.0025, 0.0101
@@ -115,7 +117,7 @@ def judge_written(clip: Clip) -> bool:
         raise WrongMotionError("joints have other names in the BVH that is written")
     order = [names.index(name) for name in expected]
     frames = _choose_frames(len(clip))
-    return _compare(clip, frames, world[frames][:, order], "written joint")
+    return _compare(clip, frames, world[frames][:, order], "written joint", _ROUNDED)
 
 
 def judge_lexicon(truth: Mapping[str, Sequence[Clip]], loaded: lexicon.Lexicon) -> bool:
@@ -167,10 +169,10 @@ def judge_avatar(content: bytes, avatar: Avatar) -> bool:
     return True
 
 
-def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str) -> bool:
+def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str, rounded: float = 0.0) -> bool:
     """Returns True if the joints of a clip have the matrices ``world`` (F, J, 4, 4) at ``frames`` (F,), except for a
     rotation of each joint that is the same in all frames: readers choose the rest pose. Raises ``WrongMotionError``
-    otherwise.
+    otherwise. ``rounded``: error of a position that the file's rounding explains.
     """
     local = _to_matrices(clip.local_rotations[frames])
     translations = np.array(clip.translations[frames] if clip.translations is not None
@@ -179,7 +181,7 @@ def _compare(clip: Clip, frames: np.ndarray, world: np.ndarray, kind: str) -> bo
     read_world = _compute_world(local, translations, clip.skeleton.parents)
     with np.errstate(all="ignore"):
         extent = np.ptp(world[..., :3, 3], axis=1).max(axis=-1)  # (F,)
-        max_error = np.maximum(TOLERANCE * extent, 1e-9 * np.abs(world[..., :3, 3]).max(axis=(1, 2)))
+        max_error = np.maximum(TOLERANCE * extent, 1e-9 * np.abs(world[..., :3, 3]).max(axis=(1, 2))) + rounded
         errors = np.linalg.norm(world[..., :3, 3] - read_world[..., :3, 3], axis=-1)  # (F, J)
         axes = world[..., :3, :3] / np.linalg.norm(world[..., :3, :3], axis=-2, keepdims=True)
         rest_rotations = np.swapaxes(axes[:1], -1, -2) @ read_world[:1, :, :3, :3]  # (1, J, 3, 3)

@@ -332,7 +332,8 @@ TARGETS = {
                oracle=oracles.judge_avatar),
         Target("lexicon", seeds.make_lexicon_seeds, _put_folder, lexicon.open, _use_lexicon, _measure_unpacked_npz,
                lambda _, read: oracles.judge_lexicon(_collect_truth(), read)),
-        Target("bundle", seeds.make_bundle_seeds, _put_folder, open_learned, _use_bundle, _measure_unpacked_npz),
+        Target("bundle", seeds.make_bundle_seeds, _put_folder, open_learned, _use_bundle,
+               lambda _: 1 << 30),  # a bundle is a program: nothing limits the memory that its networks take
         Target("recipes", seeds.make_recipes_seeds,
                _put_as(lambda content: "case.parquet" if content[:4] == b"PAR1" else "case.csv"),
                _load_recipes, _use_recipes),

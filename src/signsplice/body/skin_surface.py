@@ -316,19 +316,21 @@ def least_height(
     """Returns the least height of a hand's points (H, 3) above a surface's points and normals (N, 3), along the normal
     of the nearest one (infinite if none is near), and the heights (K,) and normals (K, 3) of all. Points farther from
     the line of that normal than ``most_across``, or deeper than ``half_thickness``, are beyond the surface's edge; all
-    in m, near the origin. Of points within ``sheet_m`` of the nearest, that with the largest height counts: the lower
-    side of a nail, and a crease that linear blend turns inside out, see points outside from behind.
+    in m, near the origin. Where the nearest one sees the hand's point from behind, as the lower side of a nail and a
+    crease that linear blend turns inside out do, the one with the largest height within ``sheet_m`` farther counts.
     """
     squared = squared_distances(hand, points)
-    least = np.sqrt(np.abs(squared.min(axis=1)))
-    limits = np.where(least < _SURFACE.comparison_m, least + _SURFACE.sheet_m, 0.0)
-    rows, near = np.nonzero(squared < (limits * limits)[:, None])
-    outward, offsets = normals.take(near, axis=0), hand.take(rows, axis=0) - points.take(near, axis=0)
-    height = np.einsum("nx,nx->n", offsets, outward)
-    highest = np.lexsort((height, rows))[np.flatnonzero(np.diff(rows, append=-1))]
-    height, outward, offsets = height[highest], outward[highest], offsets[highest]
-    across_squared = np.einsum("nx,nx->n", offsets, offsets) - height**2
-    over = (across_squared < most_across**2) & (height > -half_thickness)
+    nearest = squared.argmin(axis=1)
+    outward, offsets = normals.take(nearest, axis=0), hand - points.take(nearest, axis=0)
+    height, apart = np.einsum("nx,nx->n", offsets, outward), np.einsum("nx,nx->n", offsets, offsets)
+    behind = np.flatnonzero((height < 0.0) & (apart < _SURFACE.comparison_m**2))
+    if len(behind):
+        limits = (np.sqrt(apart[behind]) + _SURFACE.sheet_m) ** 2
+        heights = hand[behind] @ normals.T - np.einsum("nx,nx->n", points, normals)
+        highest = np.where(squared[behind] < limits[:, None], heights, -np.inf).argmax(axis=1)
+        outward[behind], offsets[behind] = normals[highest], hand[behind] - points[highest]
+        height, apart = np.einsum("nx,nx->n", offsets, outward), np.einsum("nx,nx->n", offsets, offsets)
+    over = (apart < _SURFACE.comparison_m**2) & (apart - height**2 < most_across**2) & (height > -half_thickness)
     return float(height[over].min(initial=np.inf)), height[over], outward[over]
 
 
