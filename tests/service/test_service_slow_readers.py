@@ -53,14 +53,16 @@ def bare_connection(client: httpx.Client, source: str = "127.0.0.1") -> socket.s
     return connection
 
 
-def wait_until(is_done: Callable[[], bool], read: Callable[[], object], pause: float) -> None:
-    """Return when something is done, with ``read`` called at every pause."""
+def becomes(is_done: Callable[[], bool], read: Callable[[], object], pause: float) -> bool:
+    """Whether something comes to pass before patience ends, with ``read`` called at every pause."""
     deadline = time.monotonic() + PATIENCE_S
     while not is_done():
-        assert time.monotonic() < deadline
+        if time.monotonic() > deadline:
+            return False
         with suppress(OSError, ConnectionClosed, TimeoutError):
             read()
         time.sleep(pause)
+    return True
 
 
 @pytest.mark.parametrize("n_bytes", [0, 2000], ids=["unread", "at 4 kB a second"])
@@ -75,7 +77,7 @@ def test_a_connection_whose_answer_is_not_read_in_time_is_closed(hasty: httpx.Cl
         def is_closed() -> bool:
             return all(not peer.raddr or peer.raddr.port != port for peer in service.net_connections("tcp"))
 
-        wait_until(is_closed, lambda: client.recv(n_bytes) if n_bytes else None, 0.5)
+        assert becomes(is_closed, lambda: client.recv(n_bytes) if n_bytes else None, 0.5)
 
 
 def test_answers_that_one_address_leaves_unread_keep_no_other_waiting() -> None:
@@ -94,6 +96,7 @@ def test_answers_that_one_address_leaves_unread_keep_no_other_waiting() -> None:
 
 def test_a_stream_that_is_read_more_slowly_than_it_plays_loses_its_place(hasty: httpx.Client) -> None:
     """A message, some 0.2 s of motion, is read every second: all would take longer than this test waits."""
+    has_lost = False
     with (
         suppress(ConnectionClosed),
         bare_connection(hasty) as client,
@@ -102,9 +105,11 @@ def test_a_stream_that_is_read_more_slowly_than_it_plays_loses_its_place(hasty: 
         stream.send('{"type": "open", "paced": false}')
         for _ in range(50):
             stream.send('{"type": "word", "gloss": "fs-ABCDEFGHIJKLMNOP"}')
+        assert stream.recv(timeout=PATIENCE_S)
         is_over = lambda: hasty.get("/healthz").json()["streams"] == 0  # noqa: E731
-        wait_until(is_over, lambda: stream.recv(timeout=1.0), 1.0)
+        has_lost = becomes(is_over, lambda: stream.recv(timeout=1.0), 1.0)
         client.close()
+    assert has_lost
 
 
 def test_clients_that_hang_up_leave_no_traceback(hasty: httpx.Client) -> None:

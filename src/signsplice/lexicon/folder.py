@@ -127,8 +127,7 @@ def build(
     an archive, a name in ``RECIPES``, a ``.json`` file or a ``.csv`` table: files that do not fit are left out, and a
     stopped build resumes. lenient: leave out unknown parts of a written sign, with a warning. jobs: number of
     processes; None: one per core. limits: of each clip. read: how clips are read, where the table does not say.
-    make_card: makes what splices know of a word by itself, e.g. ``splicing.cards.make_card``; without it they compute
-    that at the first use.
+    make_card: makes what splices know of a word by itself (``splicing.cards.make_card``); else the first use does.
 
     Refused written signs are left out, with a line each; one whose gloss is taken gets the next number, GLOSS#2.
     Raises ``InputError``, also if input and output lie in each other; then ``output`` is unchanged.
@@ -138,34 +137,41 @@ def build(
     folders, written = _folders_and_written(inputs)
     form = "int16" if compact else "float32"
     signs, refused = _read_written_signs(written, lenient)
-    files, left_out = gather(folders, output, recipe, signer, language)
     checks = " and ".join(f"`signsplice lexicon check {quote(str(folder))}`" for folder in folders)
-    if left_out and not recipe:
-        raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
-    target = Path(output).resolve()
-    store = target.with_name(f".{target.name}.prepared") if recipe else None
+    files, left_out = _gather(folders, output, recipe, signer, language, checks)
+    store = Path(output).resolve().with_name(f".{Path(output).resolve().name}.prepared") if recipe else None
     log, ends_by = _BuildLog([*left_out], left_out), "" if skip_broken or recipe else checks
     task = FileTask((), (), form, ReadAs(roles=roles).or_else(read), limits, store, make_card=make_card)
     with atomic.resumable_folder(store) if store else nullcontext(), building(output, compact=compact) as builder:
-        entries = dict[str, str]()  # gloss -> description of its skeleton
-        n_letters = 0
-        for file, word in _prepare_files(files, task, jobs, progress):
-            if log.takes(word, ends_by):
-                entry = _add_clip(builder, word, file, language)
-                n_letters += entry.kind == "letter"
-                entries[entry.gloss] = word.skeleton
+        clips = [
+            (_add_clip(builder, word, file, language), word.skeleton)
+            for file, word in _prepare_files(files, task, jobs, progress)
+            if log.takes(word, ends_by)
+        ]
         for line in refused:
             log.leave_out(line)
         for sign, word in _prepare_signs(signs, form, lenient, jobs, progress, make_card):
             if log.takes(word):
                 _add_written_sign(builder, word, sign, signer, language, lenient)
-        log.warnings += _role_lines(output, entries)
+        log.warnings += _role_lines(output, {entry.gloss: skeleton for entry, skeleton in clips})
         if not builder.n_words:
             what = "clip" if folders else "sign"
             raise InputError(f"{[*folders, output][0]}: every {what} is broken, the first one: {log.left_out[0]}")
-    searched = [path for path in dict.fromkeys([*folders, *written]) if Path(path).is_dir()]
-    lines = tuple(log.warnings), tuple(log.left_out), unread(searched, files, recipe)
-    return Built(builder.n_words, n_letters, builder.n_bytes, builder.form, *lines)
+    counts = builder.n_words, sum(entry.kind == "letter" for entry, _ in clips), builder.n_bytes
+    lines = tuple(log.warnings), tuple(log.left_out), unread([*folders, *written], files, recipe)
+    return Built(*counts, builder.form, *lines)
+
+
+def _gather(
+    folders: Sequence[str | Path], output: str | Path, recipe: str, signer: str, language: str, checks: str
+) -> tuple[list[WordFile], list[str]]:
+    """Return the words' files and the lines of those left out. Raises ``InputError`` for such a line without a recipe;
+    ``checks``: commands that show them all.
+    """
+    files, left_out = gather(folders, output, recipe, signer, language)
+    if left_out and not recipe:
+        raise InputError(left_out[0] + (f" (and {len(left_out) - 1} more: {checks})" if left_out[1:] else ""))
+    return files, left_out
 
 
 @dataclass

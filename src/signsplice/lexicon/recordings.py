@@ -521,7 +521,8 @@ def unread(folders: Iterable[str | Path], words: Iterable[WordFile], recipe: str
         Path(recipe).name,
         *(Path(name).name for word in words for name in (word.row.face, word.row.roles)),
     }
-    paths = {path for folder in folders for path in _visible(Path(folder)) if path.name not in named}
+    searched = [folder for folder in map(Path, folders) if folder.is_dir()]
+    paths = {path for folder in searched for path in _visible(folder) if path.name not in named}
     read = {path for path in paths if path.suffix.lower() in (*READ_SUFFIXES, *_READ_WITH)}
     stems = {path.with_suffix("") for path in read}
     faces = {path for path in paths if path.suffix.lower() == ".csv" and path.with_suffix("") in stems}
